@@ -1,0 +1,56 @@
+"""Which magnetometer sample belongs to which inertial sample, as they arrive."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from ..rotor import Vector
+from .stamps import LONGEST_STEP, LONGEST_STEP_BACK
+
+WAITING = 1000  # magnetometer samples ahead of the inertial ones; older are superseded
+
+
+class Pairing:
+    """Gives a magnetometer sample to the first inertial sample that is not older (see `pair`).
+
+    The two come over different topics, so either may be first. A magnetometer sample that
+    comes just after its inertial sample amends that step instead of waiting for the next.
+    """
+
+    def __init__(self) -> None:
+        self._waiting: deque[tuple[int, Vector]] = deque()
+        self._span = (-1, -1)  # stamps of the last two inertial samples
+        self._newest = -1
+        self.superseded = 0  # a newer one was there already: never used
+
+    def add(self, stamp: int, mag: Vector) -> bool:
+        """Take a sample (stamp in ns); True if it belongs to the last inertial sample."""
+        if stamp < self._newest - LONGEST_STEP_BACK:
+            self._newest = -1  # the stamps jumped back; the inertial ones will, or did
+        before, last = self._span
+        if before < stamp <= last and stamp > self._newest:
+            self._newest = stamp
+            return True
+        if stamp <= self._newest or len(self._waiting) == WAITING:
+            self.superseded += 1
+            return False
+        self._waiting.append((stamp, mag))
+        return False
+
+    def take(self, stamp: int) -> Vector | None:
+        """The newest sample not younger than the inertial sample of this stamp (ns), if new."""
+        self._span = (self._span[1], stamp)
+        found = None
+        while self._waiting and self._waiting[0][0] <= stamp:
+            if found is not None:
+                self.superseded += 1
+            self._newest, found = self._waiting.popleft()
+        return found
+
+    def restart(self, stamp: int) -> None:
+        """Start anew at this stamp (ns): samples of another time are superseded."""
+        near = [kept for kept in self._waiting if abs(kept[0] - stamp) <= LONGEST_STEP]
+        self.superseded += len(self._waiting) - len(near)
+        self._waiting = deque(near)
+        self._span = (-1, -1)
+        self._newest = -1

@@ -1,0 +1,77 @@
+"""Samples over time, as every filter takes them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..rotor import Vector
+from .pairing import Pairing
+from .stamps import steps
+
+Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Samples:
+    """One row for each gyroscope and accelerometer sample, in the order received.
+
+    ``mag`` has a row of NaN where no new magnetometer sample belongs to the row.
+    All three sensors share one right-handed sensor frame.
+    """
+
+    stamps: Stamps  # (n,) ns
+    gyro: Array  # (n, 3) rad/s
+    accel: Array  # (n, 3) m/s², specific force: +g up at rest
+    mag: Array  # (n, 3) tesla
+
+    def __len__(self) -> int:
+        return len(self.stamps)
+
+
+def pair(
+    stamps: Stamps,
+    gyro: Array,
+    accel: Array,
+    mag_stamps: Stamps,
+    mag: Array,
+    received: NDArray[np.int64] | None = None,
+) -> Samples:
+    """Give each magnetometer sample to the inertial sample that the live node gives it to.
+
+    That is the first inertial sample that is not older (see `Pairing`); none is ever a reason to
+    drop an inertial sample. Stamps may jump back. ``received`` (k,) counts the inertial samples
+    received before each magnetometer sample; without it the stamps tell.
+    """
+    if received is None:
+        received = np.searchsorted(unwrapped(stamps), unwrapped(mag_stamps))
+    pairing = Pairing()
+    rows: list[Vector] = [(np.nan, np.nan, np.nan)] * len(stamps)
+    arrivals = zip(received.tolist(), mag_stamps.tolist(), mag.tolist(), strict=True)
+    arrival = next(arrivals, None)
+    last, last_stamp = 0, -1
+    for row, (stamp, dt) in enumerate(zip(stamps.tolist(), steps(stamps).tolist(), strict=True)):
+        while arrival is not None and arrival[0] <= row:
+            if pairing.add(*arrival[1:]):
+                rows[last] = arrival[2]
+            arrival = next(arrivals, None)
+        if dt != dt:  # a sample that every filter skips
+            continue
+        if stamp < last_stamp:
+            pairing.forget()
+        rows[row] = pairing.take(stamp) or rows[row]
+        last, last_stamp = row, stamp
+    for _, mag_stamp, vector in [] if arrival is None else [arrival, *arrivals]:
+        if pairing.add(mag_stamp, vector):
+            rows[last] = vector
+    return Samples(stamps, gyro, accel, np.array(rows, dtype=float).reshape(-1, 3))
+
+
+def unwrapped(stamps: Stamps) -> Stamps:
+    """The stamps without their jumps back, (n,) ns: each step as it was, none below zero."""
+    if not len(stamps):
+        return stamps
+    return stamps[0] + np.concatenate(([0], np.maximum(np.diff(stamps), 0).cumsum()))

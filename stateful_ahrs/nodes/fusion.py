@@ -1,0 +1,317 @@
+"""fusion: imu/data_raw and imu/mag in, one continuous orientation out."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from dataclasses import asdict
+from typing import Any
+
+from geometry_msgs.msg import TransformStamped, Vector3Stamped
+from rclpy.clock import JumpThreshold, TimeJump
+from rclpy.duration import Duration
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
+from sensor_msgs.msg import Imu, MagneticField
+from std_msgs.msg import Float64
+from std_srvs.srv import Trigger
+
+from .. import filters, rotor
+from ..errors import UsageError
+from ..filters.frames import WorldFrame
+from ..filters.pairing import Pairing
+from ..filters.rest import MovedError, RestWindow
+from ..filters.stamps import StampGate
+from ..rotor import Rotor, Vector
+from . import life, messages, qos
+from .diagnostics import ERROR, OK, WARN, Diagnostics, Once, Status
+from .parameters import Parameters, Spec
+
+SILENT = 1.0  # s without a sample before /diagnostics says so
+
+PARAMETERS = [
+    Spec("filter", "stateful", f"one of {', '.join(filters.FILTERS)}"),
+    Spec(
+        "alpha",
+        0.9967,
+        "weight of the gyroscope path over 1/alpha_rate seconds",
+        live=True,
+        limits=(0.0, 1.0),
+    ),
+    Spec(
+        "alpha_rate",
+        100.0,
+        "Hz; 0: alpha applies to each sample, as in the paper",
+        live=True,
+        limits=(0.0, 1e6),
+    ),
+    Spec(
+        "stateful",
+        True,
+        "false: snapshots keep their own sign, the paper's failing baseline",
+        live=True,
+    ),
+    Spec("use_mag", True, "false: heading follows the gyroscope", live=True),
+    Spec("world_frame", "enu", "enu, nwu or ned: axes of the frame that orientation is given in"),
+    Spec("magnetic_declination", 0.0, "rad, from true to magnetic north, east positive"),
+    Spec("orientation_stddev", 0.03, "rad, for the covariance of the orientation", live=True),
+    Spec("publish_tf", False, "broadcast the orientation on /tf (needs tf2_ros)"),
+    Spec("tf_parent", "map", "parent frame of that transform"),
+]
+
+
+class Fusion(Node):
+    """Translates between topics and a filter of the registry."""
+
+    def __init__(self) -> None:
+        super().__init__("fusion")
+        self._chosen = Parameters(self, PARAMETERS, accept=self._settings, apply=self._apply)
+        values = self._chosen.values
+        self._world = WorldFrame(values["world_frame"], values["magnetic_declination"])
+        self._filter = filters.make(values["filter"], self._settings(values))
+        self._apply(values)
+        self._gate = StampGate()
+        self._pairing = Pairing()
+        self._rest = RestWindow()
+        self._turn = rotor.Turn()
+        self._bias: Vector = (0.0, 0.0, 0.0)
+        self._orientation: Rotor = rotor.IDENTITY
+        self._once = Once(self)
+        self._imu_count = self._mag_count = 0
+        self._imu_count_before = self._mag_count_before = 0
+        self._imu_arrival = self._mag_arrival = -math.inf
+        self._mag_empty = self._lost = 0
+
+        self._imu_out = self._advertise(Imu, "imu/data")
+        self._axis_out = self._advertise(Vector3Stamped, "imu/axis")
+        self._angle_out = self._advertise(Float64, "imu/angle")
+        self._rpy_out = self._advertise(Vector3Stamped, "imu/rpy")
+        self._broadcaster = self._transform_broadcaster() if values["publish_tf"] else None
+        self._mag_in = self._subscribe(MagneticField, "imu/mag", self._on_mag)
+        self._imu_in = self._subscribe(Imu, "imu/data_raw", self._on_imu)
+        self.create_service(Trigger, "~/reset", self._on_reset)
+        self.create_service(Trigger, "~/calibrate_gyro", self._on_calibrate_gyro)
+        self._jump_handle = self.get_clock().create_jump_callback(
+            JumpThreshold(
+                min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=False
+            ),
+            post_callback=self._on_clock_jump,
+        )
+        self._diagnostics = Diagnostics(self, "orientation", self._status)
+        self.get_logger().info(
+            f"filter {values['filter']}, alpha {values['alpha']}, world frame "
+            f"{values['world_frame']}: {self._imu_in.topic_name} and {self._mag_in.topic_name} "
+            f"→ {self._imu_out.topic_name}"
+        )
+
+    def _advertise(self, kind: type, topic: str) -> Any:
+        return self.create_publisher(
+            kind, topic, qos.PUBLISHER, qos_overriding_options=qos.overridable()
+        )
+
+    def _subscribe(self, kind: type, topic: str, callback: Any) -> Any:
+        return self.create_subscription(
+            kind,
+            topic,
+            callback,
+            qos.SENSOR_SUBSCRIBER,
+            event_callbacks=SubscriptionEventCallbacks(message_lost=self._on_lost),
+            qos_overriding_options=qos.overridable(),
+        )
+
+    # Parameters
+
+    def _settings(self, values: dict[str, Any]) -> filters.Settings:
+        """The filter's settings; an `AhrsError` if the values make none."""
+        if not 0.0 <= values["orientation_stddev"] < math.inf:
+            raise UsageError(
+                f"orientation_stddev must be 0 or more rad, got {values['orientation_stddev']}."
+            )
+        world = WorldFrame(values["world_frame"], values["magnetic_declination"])
+        return filters.Settings(
+            alpha=values["alpha"],
+            alpha_rate=values["alpha_rate"],
+            stateful=values["stateful"],
+            use_mag=values["use_mag"],
+            north_at_start=world.north_at_zero_yaw,
+        )
+
+    def _apply(self, values: dict[str, Any]) -> None:
+        """Take new values from the next sample on."""
+        self._filter.settings = self._settings(values)
+        self._covariance = messages.diagonal(values["orientation_stddev"] ** 2)
+
+    # Samples in
+
+    def _on_imu(self, msg: Imu) -> None:
+        self._imu_count += 1
+        self._imu_arrival = time.monotonic()
+        stamp = messages.nanoseconds(msg.header.stamp)
+        dt = self._gate.step(stamp, self._now() if stamp == 0 else 0)
+        if self._gate.news:
+            self._once.warn(*self._gate.news)
+        if dt is None:
+            return
+        stamp = self._gate.last
+        if dt == 0.0:
+            self._pairing.restart(stamp)
+        gyro, accel = messages.rates_and_force(msg)
+        self._rest.add(gyro, dt)
+        gyro = rotor.minus(gyro, self._bias)
+        mag = self._pairing.take(stamp)
+        if mag is not None:
+            self._filter.update_mag(mag)
+        self._filter.update_imu(gyro, accel, dt)
+        self._publish(msg, stamp, gyro, accel)
+
+    def _on_mag(self, msg: MagneticField) -> None:
+        self._mag_count += 1
+        self._mag_arrival = time.monotonic()
+        mag = messages.vector(msg.magnetic_field)
+        if not messages.finite(mag):
+            self._mag_empty += 1
+            return
+        stamp = messages.nanoseconds(msg.header.stamp) or self._now()
+        if self._pairing.add(stamp, mag):
+            self._filter.amend_mag(mag)
+
+    def _on_lost(self, event: Any) -> None:
+        self._lost += event.total_count_change
+        self._once.warn("lost", "The middleware lost samples before they arrived.")
+
+    def _on_clock_jump(self, jump: TimeJump) -> None:
+        self._gate.clock_jumped()
+        self._once.warn("clock", f"The clock jumped back by {-jump.delta.nanoseconds * 1e-9:.3f} s.")
+
+    def _now(self) -> int:
+        return self.get_clock().now().nanoseconds
+
+    # Orientation out
+
+    def _publish(self, msg: Imu, stamp: int, gyro: Vector, accel: Vector) -> None:
+        out = Imu(header=msg.header)
+        out.header.stamp = messages.time(stamp)
+        if self._filter.report.started:
+            orientation = self._orientation = self._world.update(self._filter.rotor)
+            out.orientation = messages.quaternion_message(orientation)
+            out.orientation_covariance = self._covariance
+        else:
+            out.orientation_covariance = messages.UNKNOWN
+        out.angular_velocity_covariance = msg.angular_velocity_covariance
+        if messages.finite(gyro):
+            out.angular_velocity = messages.vector_message(gyro)
+        else:
+            out.angular_velocity_covariance = messages.UNKNOWN
+        out.linear_acceleration_covariance = msg.linear_acceleration_covariance
+        if messages.finite(accel):
+            out.linear_acceleration = messages.vector_message(accel)
+        else:
+            out.linear_acceleration_covariance = messages.UNKNOWN
+        self._imu_out.publish(out)
+        if self._filter.report.started:
+            self._publish_derived(out)
+
+    def _publish_derived(self, out: Imu) -> None:
+        """Publish what is computed from the orientation only while someone listens."""
+        orientation = self._orientation
+        axis_wanted = self._axis_out.get_subscription_count() > 0
+        angle_wanted = self._angle_out.get_subscription_count() > 0
+        self._turn.update(orientation, coarse=not (axis_wanted or angle_wanted))
+        if axis_wanted:
+            axis = messages.vector_message(self._turn.axis)
+            self._axis_out.publish(Vector3Stamped(header=out.header, vector=axis))
+        if angle_wanted:
+            self._angle_out.publish(Float64(data=self._turn.angle))
+        if self._rpy_out.get_subscription_count() > 0:
+            rpy = messages.vector_message(rotor.euler(orientation))
+            self._rpy_out.publish(Vector3Stamped(header=out.header, vector=rpy))
+        if self._broadcaster is not None:
+            transform = TransformStamped(header=out.header, child_frame_id=out.header.frame_id)
+            transform.header.frame_id = self._chosen["tf_parent"]
+            transform.transform.rotation = out.orientation
+            self._broadcaster.sendTransform(transform)
+
+    def _transform_broadcaster(self) -> Any:
+        try:
+            from tf2_ros import TransformBroadcaster
+        except ImportError:
+            raise UsageError(
+                "publish_tf needs tf2_ros, which this Python does not have: install "
+                "ros-jazzy-tf2-ros-py and source the ROS environment, or set publish_tf to false."
+            ) from None
+        return TransformBroadcaster(self)
+
+    # Services and diagnostics
+
+    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._filter.reset()
+        self._turn = rotor.Turn()
+        response.success = True
+        response.message = "The filter starts anew with the next sample."
+        return response
+
+    def _on_calibrate_gyro(
+        self, _: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        try:
+            self._bias = self._rest.bias()
+        except MovedError as error:
+            response.success, response.message = False, str(error)
+            return response
+        response.success = True
+        response.message = "bias " + " ".join(f"{value:+.6f}" for value in self._bias) + " rad/s"
+        return response
+
+    def _status(self, elapsed: float) -> Status:
+        now = time.monotonic()
+        report = self._filter.report
+        settings = self._filter.settings
+        imu_age, mag_age = now - self._imu_arrival, now - self._mag_arrival
+        values: dict[str, object] = {
+            "filter": self._chosen["filter"],
+            "alpha": settings.alpha,
+            "time_constant_s": settings.time_constant,
+            "stateful": settings.stateful,
+            "angle_rad": self._turn.angle,
+            "axis": " ".join(f"{value:.4f}" for value in self._turn.axis),
+            "imu_rate_hz": (self._imu_count - self._imu_count_before) / elapsed,
+            "mag_rate_hz": (self._mag_count - self._mag_count_before) / elapsed,
+            "imu_samples": self._imu_count,
+            "mag_samples": self._mag_count,
+            "imu_age_s": imu_age,
+            "mag_age_s": mag_age,
+            "heading": "magnetometer" if report.heading_from_mag else "gyroscope",
+            "gyro_bias_rad_s": " ".join(f"{value:.6f}" for value in self._bias),
+            "sign_corrections": report.sign_corrections,
+            "gyro_rejected": report.gyro_rejected,
+            "accel_rejected": report.accel_rejected,
+            "mag_rejected": report.mag_rejected,
+            "mag_empty": self._mag_empty,
+            "mag_superseded": self._pairing.superseded,
+            "lost_in_transport": self._lost,
+            **{f"stamps_{name}": count for name, count in asdict(self._gate.counts).items()},
+        }
+        self._imu_count_before, self._mag_count_before = self._imu_count, self._mag_count
+        if imu_age > SILENT:
+            return ERROR, self._silence(self._imu_in.topic_name, imu_age), values
+        if not report.started:
+            return ERROR, "No usable accelerometer sample yet: orientation unknown.", values
+        if not settings.use_mag:
+            return OK, "Six axes by choice: heading follows the gyroscope.", values
+        if mag_age > SILENT:
+            what = self._silence(self._mag_in.topic_name, mag_age)
+            return WARN, f"{what} Heading follows the gyroscope.", values
+        if not report.heading_from_mag:
+            return WARN, "No usable magnetometer sample: heading follows the gyroscope.", values
+        return OK, "Orientation from nine axes.", values
+
+    def _silence(self, topic: str, age: float) -> str:
+        publishers = self.count_publishers(topic)
+        since = "yet" if math.isinf(age) else f"for {age:.0f} s"
+        return f"No sample on {topic} {since} ({publishers} publishers)."
+
+
+def main() -> None:
+    """Run the node."""
+    sys.exit(life.run("fusion", Fusion))

@@ -1,0 +1,60 @@
+"""Messages ↔ floats."""
+
+from __future__ import annotations
+
+import math
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Quaternion, Vector3
+from sensor_msgs.msg import Imu
+
+from ..rotor import Rotor, Vector
+
+NONE: Vector = (math.nan, math.nan, math.nan)
+UNKNOWN = [-1.0] + [0.0] * 8  # REP-145: the field is not reported
+
+
+def nanoseconds(stamp: Time) -> int:
+    """A stamp as ns."""
+    return stamp.sec * 1_000_000_000 + stamp.nanosec
+
+
+def time(stamp: int) -> Time:
+    """Nanoseconds as a stamp."""
+    sec, nanosec = divmod(stamp, 1_000_000_000)
+    return Time(sec=sec, nanosec=nanosec)
+
+
+def vector(v: Vector3) -> Vector:
+    """A message's vector as floats."""
+    return (v.x, v.y, v.z)
+
+
+def vector_message(v: Vector) -> Vector3:
+    """Floats as a message's vector."""
+    return Vector3(x=v[0], y=v[1], z=v[2])
+
+
+def quaternion_message(q: Rotor) -> Quaternion:
+    """A rotor as a message's quaternion, which is scalar last."""
+    return Quaternion(w=q[0], x=q[1], y=q[2], z=q[3])
+
+
+def rates_and_force(msg: Imu) -> tuple[Vector, Vector]:
+    """Angular velocity and linear acceleration; NaN for what is not reported (REP-145)."""
+    gyro, accel = vector(msg.angular_velocity), vector(msg.linear_acceleration)
+    if msg.angular_velocity_covariance[0] == -1.0:
+        gyro = NONE
+    if msg.linear_acceleration_covariance[0] == -1.0:
+        accel = NONE
+    return gyro, accel
+
+
+def diagonal(variance: float) -> list[float]:
+    """A 3 × 3 covariance, row-major."""
+    return [variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance]
+
+
+def finite(v: Vector) -> bool:
+    """Whether all three are numbers."""
+    return math.isfinite(v[0] + v[1] + v[2])

@@ -1,0 +1,96 @@
+"""Parameters: declared with descriptors, refused with a sentence, live where they can be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from ..errors import AhrsError, UsageError
+
+Value = bool | int | float | str
+
+
+@dataclass(frozen=True)
+class Spec:
+    """One parameter: its name, default, and what a user reads of it."""
+
+    name: str
+    default: Value
+    description: str
+    live: bool = False
+    limits: tuple[float, float] | None = None  # gives rqt_reconfigure its slider
+
+
+class Parameters:
+    """The values of a node's parameters, kept true while it runs.
+
+    ``accept`` gets the values as they would be and raises an `AhrsError` to refuse them;
+    ``apply`` gets them once they are set.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        specs: list[Spec],
+        accept: Callable[[dict[str, Any]], object] = lambda values: None,
+        apply: Callable[[dict[str, Any]], None] = lambda values: None,
+    ) -> None:
+        self._specs = {spec.name: spec for spec in specs}
+        self._accept = accept
+        self._apply = apply
+        self.values: dict[str, Any] = {
+            spec.name: _checked(spec, _declare(node, spec)) for spec in specs
+        }
+        accept(self.values)
+        node.add_on_set_parameters_callback(self._on_set)
+        node.add_post_set_parameters_callback(self._post_set)
+
+    def __getitem__(self, name: str) -> Any:
+        return self.values[name]
+
+    def _merged(self, parameters: list[Parameter]) -> dict[str, Any]:
+        changed = {
+            parameter.name: _checked(self._specs[parameter.name], parameter.value)
+            for parameter in parameters
+            if parameter.name in self._specs
+        }
+        return {**self.values, **changed}
+
+    def _on_set(self, parameters: list[Parameter]) -> SetParametersResult:
+        try:
+            self._accept(self._merged(parameters))
+        except AhrsError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _post_set(self, parameters: list[Parameter]) -> None:
+        self.values = self._merged(parameters)
+        self._apply(self.values)
+
+
+def _declare(node: Node, spec: Spec) -> Value:
+    # Dynamic typing leaves the check of the type to `_checked`, whose reason a user understands.
+    descriptor = ParameterDescriptor(
+        description=spec.description, read_only=not spec.live, dynamic_typing=True
+    )
+    if spec.limits is not None:
+        low, high = spec.limits
+        descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+    return node.declare_parameter(spec.name, spec.default, descriptor).value
+
+
+def _checked(spec: Spec, value: Value) -> Value:
+    """The value if it has the default's type; `UsageError` if not."""
+    if type(value) is type(spec.default):
+        return value
+    kind = {bool: "a boolean", int: "an integer", float: "a double", str: "a string"}
+    found = f"got {kind.get(type(value), type(value).__name__)} ({value!r})"
+    remedy = ""
+    if isinstance(spec.default, float) and type(value) is int:
+        remedy = f": write {value}.0 instead of {value}"
+    raise UsageError(f"{spec.name} must be {kind[type(spec.default)]}, {found}{remedy}.")

@@ -1,0 +1,1 @@
+"""Snapshots: one accelerometer and one magnetometer sample → rotor, without memory."""

@@ -1,0 +1,52 @@
+"""The direction-cosine snapshot of Kusaka and Tanaka (eq. 5–10), known as TRIAD.
+
+The earth frame is north-west-up. No attitude is singular; only a magnetic field along gravity,
+which has no north, is.
+"""
+
+from __future__ import annotations
+
+import math
+
+from ..rotor import Rotor, Vector
+
+# Below this sine of the angle between field and gravity (0.06°) there is no north to be had.
+PARALLEL = 1e-3
+
+
+def dcm(accel: Vector, mag: Vector) -> tuple[bool, Rotor]:
+    """Rotor from specific force and magnetic field, of any length, in the sensor frame.
+
+    Returns whether there is one, and the rotor sensor → earth (NWU). There is none where a
+    vector is zero, not finite, or absurdly long, or where the two are parallel; the rotor is
+    then the identity.
+    """
+    ax, ay, az = accel
+    mx, my, mz = mag
+    square = ax * ax + ay * ay + az * az
+    field = mx * mx + my * my + mz * mz
+    if not (1e-24 < square < 1e24 and 1e-24 < field < 1e24):
+        return False, (1.0, 0.0, 0.0, 0.0)
+    s = 1.0 / math.sqrt(square)
+    ax, ay, az = s * ax, s * ay, s * az  # up
+    cx, cy, cz = ay * mz - az * my, az * mx - ax * mz, ax * my - ay * mx
+    square = cx * cx + cy * cy + cz * cz
+    if not square > PARALLEL * PARALLEL * field:
+        return False, (1.0, 0.0, 0.0, 0.0)
+    s = 1.0 / math.sqrt(square)
+    cx, cy, cz = s * cx, s * cy, s * cz  # west
+    mx, my, mz = cy * az - cz * ay, cz * ax - cx * az, cx * ay - cy * ax  # north
+
+    d0 = 1.0 + mx + cy + az  # eq. 7
+    d1 = 1.0 + mx - cy - az
+    d2 = 1.0 - mx + cy - az
+    d3 = 1.0 - mx - cy + az
+    largest = max(d0, d1, d2, d3)
+    s = 0.5 / math.sqrt(largest)  # eq. 9
+    if largest == d0:
+        return True, (s * d0, s * (ay - cz), s * (mz - ax), s * (cx - my))
+    if largest == d1:
+        return True, (s * (ay - cz), s * d1, s * (cx + my), s * (mz + ax))
+    if largest == d2:
+        return True, (s * (mz - ax), s * (cx + my), s * d2, s * (ay + cz))
+    return True, (s * (cx - my), s * (mz + ax), s * (ay + cz), s * d3)
