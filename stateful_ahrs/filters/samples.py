@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,29 +43,32 @@ def pair(
 ) -> Samples:
     """Give each magnetometer sample to the inertial sample that the live node gives it to.
 
-    That is the first inertial sample that is not older (see `Pairing`); none is ever a reason to
-    drop an inertial sample. Stamps may jump back. ``received`` (k,) counts the inertial samples
-    received before each magnetometer sample; without it the stamps tell.
+    That is the first inertial sample that is not older (see `Pairing`); one that is not finite
+    is none, and none is ever a reason to drop an inertial sample. Stamps may jump back.
+    ``received`` (k,) counts the inertial samples received before each magnetometer sample;
+    without it the stamps tell.
     """
     if received is None:
         received = np.searchsorted(unwrapped(stamps), unwrapped(mag_stamps))
+    good = np.isfinite(mag).all(axis=1)
+    arrivals = deque(
+        zip(received[good].tolist(), mag_stamps[good].tolist(), mag[good].tolist(), strict=True)
+    )
     pairing = Pairing()
     rows: list[Vector] = [(np.nan, np.nan, np.nan)] * len(stamps)
-    arrivals = zip(received.tolist(), mag_stamps.tolist(), mag.tolist(), strict=True)
-    arrival = next(arrivals, None)
-    last, last_stamp = 0, -1
+    last = 0
     for row, (stamp, dt) in enumerate(zip(stamps.tolist(), steps(stamps).tolist(), strict=True)):
-        while arrival is not None and arrival[0] <= row:
-            if pairing.add(*arrival[1:]):
-                rows[last] = arrival[2]
-            arrival = next(arrivals, None)
+        while arrivals and arrivals[0][0] <= row:
+            _, mag_stamp, vector = arrivals.popleft()
+            if pairing.add(mag_stamp, vector):
+                rows[last] = vector
         if dt != dt:  # a sample that every filter skips
             continue
-        if stamp < last_stamp:
-            pairing.forget()
+        if dt == 0.0:
+            pairing.restart(stamp)
         rows[row] = pairing.take(stamp) or rows[row]
-        last, last_stamp = row, stamp
-    for _, mag_stamp, vector in [] if arrival is None else [arrival, *arrivals]:
+        last = row
+    for _, mag_stamp, vector in arrivals:
         if pairing.add(mag_stamp, vector):
             rows[last] = vector
     return Samples(stamps, gyro, accel, np.array(rows, dtype=float).reshape(-1, 3))
@@ -72,6 +76,5 @@ def pair(
 
 def unwrapped(stamps: Stamps) -> Stamps:
     """The stamps without their jumps back, (n,) ns: each step as it was, none below zero."""
-    if not len(stamps):
-        return stamps
-    return stamps[0] + np.concatenate(([0], np.maximum(np.diff(stamps), 0).cumsum()))
+    forward = np.diff(stamps, prepend=stamps[:1]).clip(min=0)
+    return stamps[:1] + np.cumsum(forward, dtype=np.int64)

@@ -1,0 +1,54 @@
+"""The fusion alone: ``ros2 launch stateful_ahrs fusion.launch.py alpha:=0.99``."""
+
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+from launch_ros.substitutions import FindPackageShare
+
+CONFIG = PathJoinSubstitution([FindPackageShare("stateful_ahrs"), "config", "fusion.yaml"])
+PARAMETERS = {
+    "alpha": (float, "weight of the gyroscope, 0 to 1"),
+    "filter": (str, "name of the filter: stateful, paper, ..."),
+    "world_frame": (str, "enu, nwu or ned"),
+}
+
+
+def generate_launch_description() -> LaunchDescription:
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument("namespace", default_value="", description="of the node"),
+            DeclareLaunchArgument(
+                "fusion_config", default_value=CONFIG, description="parameter file of fusion"
+            ),
+            *(
+                DeclareLaunchArgument(
+                    name,
+                    default_value="",
+                    description=f"{description}; empty: as in fusion_config",
+                )
+                for name, (_, description) in PARAMETERS.items()
+            ),
+            OpaqueFunction(function=fusion),
+        ]
+    )
+
+
+def fusion(context: LaunchContext) -> list[Node]:
+    """The node, with the arguments that were given on top of its parameter file."""
+    given = {
+        name: ParameterValue(LaunchConfiguration(name), value_type=kind)
+        for name, (kind, _) in PARAMETERS.items()
+        if LaunchConfiguration(name).perform(context)
+    }
+    return [
+        Node(
+            package="stateful_ahrs",
+            executable="fusion",
+            name="fusion",
+            namespace=LaunchConfiguration("namespace"),
+            parameters=[LaunchConfiguration("fusion_config"), given],
+            output="screen",
+        )
+    ]

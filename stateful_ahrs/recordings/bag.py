@@ -1,0 +1,250 @@
+"""ROS bags in: rosbag2 (a folder, .mcap, .db3) and ROS 1 (.bag)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from itertools import takewhile
+from operator import eq
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import AhrsError, RecordingError, TopicError
+from ..filters.samples import Array, Stamps
+from .needs import needed_for
+from .recording import Progress, Recording
+from .wire import BOOL, IMU, MAGNETIC_FIELD, ROTORS, decode, decode_bool
+
+if TYPE_CHECKING:
+    from rosbags.rosbag1 import Reader as Reader1
+    from rosbags.rosbag2 import Reader as Reader2
+
+BLOCK = 8192  # messages held undecoded
+REMEDIES = {
+    ".mcap": "`mcap recover` may repair it",
+    ".db3": "`sqlite3 FILE .recover` may repair it",
+    ".bag": "`rosbag reindex` may repair it",
+    "folder": "`ros2 bag reindex` may repair it",
+}
+
+
+class Topic(NamedTuple):
+    """A topic's name and type, listed as the user reads it."""
+
+    name: str
+    kind: str
+
+    def __str__(self) -> str:
+        return f"{self.name} ({self.kind})"
+
+
+def load_bag(
+    path: Path, name: str, reference: str | None = None, progress: Progress | None = None
+) -> Recording:
+    """Read the inertial, the magnetometer and the reference topic of a bag, in received order.
+
+    Of several Imu topics the first that ends in ``data_raw`` is taken, else the first; of several
+    MagneticField topics the first of those whose names share most with it. ``reference`` is a topic
+    of a type in `wire.ROTORS`; without it, the first named ``ground_truth`` is taken if there is
+    one. A header stamp of zero is replaced by the time of reception. What has a covariance that
+    begins with -1 is not reported (REP-145): NaN. A damaged bag is refused, even where a part of
+    it could be read.
+    """
+    form = "folder" if path.is_dir() else path.suffix
+    ros1 = form == ".bag"
+    with needed_for(f"reading {path.name}"):
+        from rosbags.rosbag1 import Reader as Reader1
+        from rosbags.rosbag2 import Reader as Reader2
+    _refuse_unfinished(path)
+    try:
+        with Reader1(path) if ros1 else Reader2(path) as reader:
+            return _read(reader, ros1, path.name, name, reference, progress)
+    except AhrsError:
+        raise
+    except Exception as error:  # a library may meet anything in a file that is not what it says
+        reason = " ".join(str(error).split()).rstrip(".") or type(error).__name__
+        raise RecordingError(
+            f"{path.name} is damaged or not a bag ({reason}); {REMEDIES[form]}."
+        ) from None
+
+
+def _refuse_unfinished(path: Path) -> None:
+    if path.is_dir() and not (path / "metadata.yaml").is_file():
+        raise RecordingError(
+            f"{path.name} is a folder without metadata.yaml, expected a rosbag2 folder; "
+            f"if its recording was cut short, {REMEDIES['folder']}."
+        )
+    logs = path.glob("*.db3-wal") if path.is_dir() else [path.with_name(path.name + "-wal")]
+    for log in logs:
+        if log.is_file() and log.stat().st_size:
+            raise RecordingError(
+                f"{path.name} is not finished: {log.name} holds messages that are not in it yet; "
+                "stop its recorder, or open it once with sqlite3 to merge them."
+            )
+
+
+class _Stream:
+    """The messages on one topic, decoded a block at a time."""
+
+    def __init__(self, topic: Topic, decode: Callable[[list[bytes]], tuple[Stamps, Array]]) -> None:
+        self.topic = topic
+        self._decode = decode
+        self._received: list[int] = []
+        self._messages: list[bytes] = []
+        self._blocks: list[tuple[Stamps, Array]] = []
+
+    def add(self, received: int, message: bytes) -> None:
+        self._received.append(received)
+        self._messages.append(message)
+        if len(self._messages) == BLOCK:
+            self._decode_block()
+
+    def _decode_block(self) -> None:
+        self._blocks.append(self._decode(self._messages))
+        self._messages = []
+
+    def finish(self) -> None:
+        """Decode the rest and join all: when received, stamps and values."""
+        self._decode_block()
+        stamps, values = (np.concatenate(part) for part in zip(*self._blocks, strict=True))
+        self.received = np.maximum.accumulate(np.array(self._received, dtype=np.int64))
+        self.stamps = np.where(stamps == 0, self.received, stamps)
+        self.values = values
+
+
+def _read(
+    reader: Reader1 | Reader2,
+    ros1: bool,
+    file: str,
+    name: str,
+    reference: str | None,
+    progress: Progress | None,
+) -> Recording:
+    topics: dict[Topic, int] = {}
+    for c in reader.connections:
+        topic = Topic(c.topic, c.msgtype)
+        topics[topic] = topics.get(topic, 0) + c.msgcount
+    roles = _choose(file, topics, reference)
+    streams = {
+        role: _Stream(topic, _decoder(role, topic, file, ros1)) for role, topic in roles.items()
+    }
+    takers = {
+        c.id: [s for s in streams.values() if s.topic == (c.topic, c.msgtype)]
+        for c in reader.connections
+    }
+    wanted = [c for c in reader.connections if takers[c.id]]
+    promised = sum(c.msgcount for c in wanted)
+    found = 0
+    for connection, received, message in reader.messages(connections=wanted):
+        for stream in takers[connection.id]:
+            stream.add(received, message)
+        found += 1
+        if progress and found % BLOCK == 0:
+            progress(found / max(found, promised))
+    if found < promised:
+        raise RecordingError(
+            f"{file} is cut short: its index promises {promised} messages and it has {found}."
+        )
+    for stream in streams.values():
+        stream.finish()
+
+    imu, mag, truth = streams["imu"], streams.get("mag"), streams.get("reference")
+    return Recording(
+        name=name,
+        stamps=imu.stamps,
+        gyro=imu.values[:, :3],
+        accel=imu.values[:, 3:],
+        mag_stamps=mag.stamps if mag else np.empty(0, np.int64),
+        mag=mag.values if mag else np.empty((0, 3)),
+        reference_stamps=truth.stamps if truth else None,
+        reference=truth.values if truth else None,
+        movement=_held(streams["movement"], truth) if truth and "movement" in streams else None,
+        received=imu.received,
+        mag_received=mag.received if mag else np.empty(0, np.int64),
+        reference_received=truth.received if truth else None,
+        left_out=tuple(str(topic) for topic in topics if topic not in roles.values()),
+    )
+
+
+def _choose(file: str, topics: Mapping[Topic, int], reference: str | None) -> dict[str, Topic]:
+    """Which topic plays which role."""
+    there = [topic for topic, count in topics.items() if count]
+    listed = f"It has: {', '.join(map(str, topics))}." if topics else "It has no topics."
+    inertial = [topic for topic in there if topic.kind == IMU]
+    if not inertial:
+        found = next((topic.name for topic in topics if topic.kind == IMU), None)
+        if found:
+            raise RecordingError(f"{file} has no message on {found}.")
+        raise TopicError(f"{file} has no {IMU} topic. {listed}")
+    imu = next((topic for topic in inertial if topic.name.endswith("data_raw")), inertial[0])
+    roles = {"imu": imu}
+
+    fields = [topic for topic in there if topic.kind == MAGNETIC_FIELD]
+    if fields:
+        roles["mag"] = max(fields, key=lambda topic: _shared(topic.name, imu.name))
+
+    if reference is None:
+        truths = [t for t in there if t.name.split("/")[-1] == "ground_truth" and t.kind in ROTORS]
+    else:
+        named = [topic for topic in topics if topic.name.strip("/") == reference.strip("/")]
+        if not named:
+            raise TopicError(f"{file} has no topic {reference}. {listed}")
+        truths = [topic for topic in named if topic.kind in ROTORS]
+        if not truths:
+            raise TopicError(
+                f"{file}: {named[0]} has no orientation; a reference is one of {', '.join(ROTORS)}."
+            )
+        truths = [topic for topic in truths if topics[topic]]
+        if not truths:
+            raise RecordingError(f"{file} has no message on {reference}.")
+    if truths:
+        roles["reference"] = truths[0]
+        movement = Topic(f"{truths[0].name}/movement", BOOL)
+        if movement in there:
+            roles["movement"] = movement
+    return roles
+
+
+def _shared(name: str, other: str) -> int:
+    """How many parts from the root two topic names share."""
+    return sum(takewhile(bool, map(eq, name.split("/"), other.split("/"))))
+
+
+def _decoder(
+    role: str, topic: Topic, file: str, ros1: bool
+) -> Callable[[list[bytes]], tuple[Stamps, Array]]:
+    """From messages to stamps and the columns that the role needs."""
+
+    def columns(messages: list[bytes]) -> tuple[Stamps, Array]:
+        try:
+            if role == "movement":
+                return decode_bool(messages, ros1=ros1)
+            stamps, values = decode(topic.kind, messages, ros1=ros1)
+        except RecordingError as error:
+            raise RecordingError(f"{file}: {topic.name}: {error}") from None
+        if role == "imu":
+            rates = _reported(values[:, 13:16], values[:, 16])
+            return stamps, np.hstack([rates, _reported(values[:, 25:28], values[:, 28])])
+        if role == "mag":
+            return stamps, _reported(values[:, :3], values[:, 3])
+        x = ROTORS[topic.kind]
+        rotors = values[:, [x + 3, x, x + 1, x + 2]]
+        known = rotors.any(axis=1)
+        if topic.kind == IMU:
+            known &= values[:, 4] != -1.0
+        return stamps, np.where(known[:, None], rotors, np.nan)
+
+    return columns
+
+
+def _reported(values: Array, covariance: Array) -> Array:
+    return np.where(covariance[:, None] == -1.0, np.nan, values)
+
+
+def _held(movement: _Stream, truth: _Stream) -> NDArray[np.bool_]:
+    """The movement message that was last when each rotor of the reference was received."""
+    last = np.searchsorted(movement.received, truth.received, side="right") - 1
+    held: NDArray[np.bool_] = (last >= 0) & (movement.values[last, 0] > 0.0)
+    return held
