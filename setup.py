@@ -43,7 +43,7 @@ setup(
             "ros-jazzy-std-msgs",
             "ros-jazzy-std-srvs",
         ],
-        "bags": ["rosbags>=0.11"],
+        "bags": ["rosbags>=0.11", "scipy>=1.11"],
         "fast": ["numba>=0.59"],
         "test": ["hypothesis>=6.98", "pytest>=7.4"],
         "lint": ["mypy>=1.13", "ruff>=0.17"],

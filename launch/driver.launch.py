@@ -12,7 +12,7 @@ CONFIG = PathJoinSubstitution([FindPackageShare("stateful_ahrs"), "config", "imu
 def generate_launch_description() -> LaunchDescription:
     return LaunchDescription(
         [
-            DeclareLaunchArgument("namespace", default_value="", description="of the node"),
+            DeclareLaunchArgument("namespace", default_value="", description="of nodes and topics"),
             DeclareLaunchArgument(
                 "driver_config", default_value=CONFIG, description="parameter file of imu_driver"
             ),

@@ -18,7 +18,7 @@ PARAMETERS = {
 def generate_launch_description() -> LaunchDescription:
     return LaunchDescription(
         [
-            DeclareLaunchArgument("namespace", default_value="", description="of the node"),
+            DeclareLaunchArgument("namespace", default_value="", description="of nodes and topics"),
             DeclareLaunchArgument(
                 "fusion_config", default_value=CONFIG, description="parameter file of fusion"
             ),

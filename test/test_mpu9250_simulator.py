@@ -14,10 +14,11 @@ import pytest
 from stateful_ahrs.errors import DeviceError
 from stateful_ahrs.mpu9250 import registers as reg
 from stateful_ahrs.mpu9250.chip import Mpu9250, Settings
-from stateful_ahrs.mpu9250.motion import Motion, Turn, Z, motion
+from stateful_ahrs.mpu9250.motion import Motion, Turn, X, Z, motion
 from stateful_ahrs.mpu9250.simulated_ak8963 import SimulatedAk8963
 from stateful_ahrs.mpu9250.simulator import SimulatedMpu9250, Truth, VirtualClock
 from stateful_ahrs.mpu9250.world import IDEAL, Earth, Errors
+from stateful_ahrs.rotor import conjugate, rotate
 
 MS = 1_000_000  # ns
 REST = Motion()
@@ -116,6 +117,7 @@ def test_asleep_it_keeps_the_last_sample_and_awake_it_needs_35_ms_for_the_next()
     assert register(sim, reg.INT_STATUS) == 0
     assert sim.truth.stamp == last
     sim.write(reg.ADDRESS, reg.PWR_MGMT_1, b"\x01")
+    sim.write(reg.ADDRESS, reg.SMPLRT_DIV, b"\x00")  # a setting shortens nothing
     clock.sleep(0.0349)
     assert register(sim, reg.INT_STATUS) == 0
     clock.sleep(0.0001)
@@ -178,10 +180,14 @@ def test_noise_is_that_of_the_data_sheet(dlpf: int, gyro: float, accel: float) -
     chip = Mpu9250(
         SimulatedMpu9250(REST, clock=clock),
         Settings(1000.0, gyro_range=250, accel_range=2, dlpf=dlpf),
-        clock=clock,
         sleep=clock.sleep,
     )
-    readings = [chip.wait() for _ in range(3000)]
+    readings = []
+    for _ in range(3000):
+        clock.sleep(0.001)
+        reading = chip.read()
+        assert reading is not None
+        readings.append(reading)
     mags = [r.mag for r in readings if r.mag is not None]
     for axis in range(3):
         # 3000 draws give the deviation within 1.3 % rms, 300 within 4 %: four times that
@@ -204,12 +210,27 @@ def test_errors_shift_and_bend_what_is_measured() -> None:
         temperature=-12.0,
     )
     sim = SimulatedMpu9250(REST, clock=clock, errors=errors, earth=Earth(9.81, 40e-6, 0.0))
-    chip = Mpu9250(sim, Settings(100.0), clock=clock, sleep=clock.sleep)
-    reading = chip.wait()
+    chip = Mpu9250(sim, Settings(100.0), sleep=clock.sleep)
+    clock.sleep(0.02)
+    reading = chip.read()
+    assert reading is not None
     assert reading.gyro == pytest.approx((0.1, -0.2, 0.3), abs=3e-4)  # half a count, as below
     assert reading.accel == pytest.approx((0.5, -0.6, 10.51), abs=6e-4)
     assert reading.temperature == pytest.approx(-12.0, abs=2e-3)
     assert reading.mag == pytest.approx((244e-6, -98e-6, 50e-6), abs=0.1e-6)
+
+
+def test_the_accelerometer_has_a_delay_of_its_own() -> None:
+    clock = VirtualClock()
+    turning = Motion(Turn(X, 500.0, -500.0, 1000.0))  # 1 rad/s
+    sim = SimulatedMpu9250(turning, clock=clock, errors=IDEAL)
+    sim.write(reg.ADDRESS, reg.ACCEL_CONFIG2, b"\x06")
+    clock.sleep(1.0)
+    counts = struct.unpack(">3h", sim.read(reg.ADDRESS, reg.ACCEL_XOUT_H, 6))
+    then = turning.rotor(sim.truth.stamp * 1e-9 - 0.03248)
+    expected = rotate(conjugate(then), (0.0, 0.0, 9.81))
+    scale = 2.0 * 9.80665 / 32768
+    assert [n * scale for n in counts] == pytest.approx(expected, abs=0.51 * scale)
 
 
 def test_truth_is_that_of_the_last_sample_taken() -> None:
@@ -228,7 +249,7 @@ def test_the_same_seed_gives_the_same_bytes_and_another_seed_others() -> None:
     def bursts(seed: int) -> list[bytes]:
         clock = VirtualClock()
         sim = SimulatedMpu9250(motion("tumble"), clock=clock, seed=seed)
-        Mpu9250(sim, Settings(1000.0), clock=clock, sleep=clock.sleep)
+        Mpu9250(sim, Settings(1000.0), sleep=clock.sleep)
         found = []
         for _ in range(100):
             clock.sleep(0.001)
@@ -242,7 +263,7 @@ def test_the_same_seed_gives_the_same_bytes_and_another_seed_others() -> None:
 def test_a_sample_costs_less_than_a_tenth_of_its_time_at_1_khz() -> None:
     clock = VirtualClock()
     sim = SimulatedMpu9250(motion("tumble"), clock=clock)
-    chip = Mpu9250(sim, Settings(1000.0), clock=clock, sleep=clock.sleep)
+    chip = Mpu9250(sim, Settings(1000.0), sleep=clock.sleep)
     costs = []
     for _ in range(10):  # the best of ten, for machines that do other things as well
         begin = time.perf_counter()
@@ -285,7 +306,7 @@ def test_a_measurement_that_a_late_reader_missed_is_gone() -> None:
     """The auxiliary master fetched it into a sample that nobody read."""
     clock = VirtualClock()
     sim = SimulatedMpu9250(REST, clock=clock)
-    chip = Mpu9250(sim, Settings(1000.0), clock=clock, sleep=clock.sleep)
+    chip = Mpu9250(sim, Settings(1000.0), sleep=clock.sleep)
     fresh = 0
     for _ in range(100):
         clock.sleep(0.007)
@@ -414,10 +435,13 @@ def test_the_way_between_modes_is_power_down_for_100_us() -> None:
     assert mag.read(reg.AK_CNTL1, 1, MS)[0] == 0x16
 
 
-def test_soft_reset_ends_measuring() -> None:
+def test_soft_reset_is_power_down() -> None:
     mag = magnetometer()
     mag.write(reg.AK_CNTL2, reg.AK_SOFT_RESET, 5 * MS)
     assert mag.read(reg.AK_ST1, 9, 100 * MS) == bytes(9)
+    mag.write(reg.AK_CNTL2, reg.AK_SOFT_RESET, 100 * MS)
+    mag.write(reg.AK_CNTL1, 0x16, 100 * MS + 99_999)
+    assert mag.read(reg.AK_CNTL1, 1, 101 * MS)[0] == reg.AK_POWER_DOWN
 
 
 def test_the_default_errors_leave_a_demonstration_within_its_bound() -> None:

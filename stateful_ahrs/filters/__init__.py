@@ -42,11 +42,11 @@ class Filter(Protocol):
 
 
 def _paper(settings: Settings) -> StatefulFilter:
-    return StatefulFilter(replace(settings, normalise=False))
+    return StatefulFilter(replace(settings, normalise=False, average_start=False))
 
 
 def _paper_stateless(settings: Settings) -> StatefulFilter:
-    return StatefulFilter(replace(settings, normalise=False, stateful=False))
+    return _paper(replace(settings, stateful=False))
 
 
 FILTERS: dict[str, Callable[[Settings], Filter]] = {

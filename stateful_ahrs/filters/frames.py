@@ -41,6 +41,10 @@ class WorldFrame:
             raise UsageError(
                 f"world_frame must be one of {', '.join(WORLD_FRAMES)}, got {name!r}."
             )
+        if not abs(declination) <= math.pi:
+            raise UsageError(
+                f"magnetic_declination must be between -π and π rad, got {declination}."
+            )
         self.rotor = product(
             WORLD_FRAMES[name], from_axis_angle((0.0, 0.0, 1.0), -declination)
         )

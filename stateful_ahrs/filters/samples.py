@@ -44,12 +44,14 @@ def pair(
     """Give each magnetometer sample to the inertial sample that the live node gives it to.
 
     That is the first inertial sample that is not older (see `Pairing`); one that is not finite
-    is none, and none is ever a reason to drop an inertial sample. Stamps may jump back.
-    ``received`` (k,) counts the inertial samples received before each magnetometer sample;
-    without it the stamps tell.
+    is none, and none is ever a reason to drop an inertial sample. ``received`` (k,) counts the
+    inertial samples received before each magnetometer sample. It may be left to the stamps if
+    they never jump back; ValueError if they do.
     """
     if received is None:
-        received = np.searchsorted(unwrapped(stamps), unwrapped(mag_stamps))
+        if (np.diff(stamps) < 0).any() or (np.diff(mag_stamps) < 0).any():
+            raise ValueError("stamps jump back: only `received` can tell what came first")
+        received = np.searchsorted(stamps, mag_stamps)
     good = np.isfinite(mag).all(axis=1)
     arrivals = deque(
         zip(received[good].tolist(), mag_stamps[good].tolist(), mag[good].tolist(), strict=True)
@@ -72,9 +74,3 @@ def pair(
         if pairing.add(mag_stamp, vector):
             rows[last] = vector
     return Samples(stamps, gyro, accel, np.array(rows, dtype=float).reshape(-1, 3))
-
-
-def unwrapped(stamps: Stamps) -> Stamps:
-    """The stamps without their jumps back, (n,) ns: each step as it was, none below zero."""
-    forward = np.diff(stamps, prepend=stamps[:1]).clip(min=0)
-    return stamps[:1] + np.cumsum(forward, dtype=np.int64)

@@ -8,6 +8,8 @@ Deviations from the paper
 - Eq. 14 multiplies the gyroscope's rotor on the left, as if rates were measured in the earth
   frame. A strapped-down gyroscope measures in the sensor frame: the rotor goes on the right.
 - The sign of the snapshot is compared with the predicted rotor, not with the last one.
+- Not in the paper, and off where the filter is called the paper's: the rotor is normalised after
+  each blend, and for the first second the blend is the mean of all snapshots so far.
 - The paper blends once for each sample of all three sensors. Here α may be given for a fixed
   span of time, and a magnetometer sample that is missing, stale or useless costs only its
   heading: the snapshot is then taken with the north that the gyroscope predicts.
@@ -42,6 +44,7 @@ from .stamps import steps
 
 NORTH: Vector = (1.0, 0.0, 0.0)
 NO_MAG: Vector = (math.nan, math.nan, math.nan)
+START = 1.0  # s
 FASTEST = 1e3  # rad/s; no gyroscope measures more
 
 
@@ -52,7 +55,8 @@ class Settings:
     alpha: float = 0.9967  # weight of the gyroscope path over 1 / alpha_rate
     alpha_rate: float = 100.0  # Hz; 0: alpha applies to each sample, as in the paper
     stateful: bool = True  # False: the snapshot keeps its own sign, the paper's baseline
-    normalise: bool = True  # after each blend; the paper does not
+    normalise: bool = True  # after each blend, if stateful; the paper does not
+    average_start: bool = True  # in the first second the mean of all snapshots; not in the paper
     use_mag: bool = True
     mag_timeout: float = 0.5  # older than this a magnetometer sample is stale
     north_at_start: Vector = NORTH  # sensor axis taken for north until a magnetometer tells
@@ -86,6 +90,7 @@ class Gains(NamedTuple):
     alpha_rate: float
     stateful: bool
     normalise: bool
+    average_start: bool
     use_mag: bool
     mag_timeout: float
     north_at_start: Vector
@@ -99,6 +104,7 @@ class State(NamedTuple):
     mag: Vector = NORTH  # the last good one, carried along by the gyroscope
     mag_age: float = math.inf  # s
     started: bool = False  # tilt is known
+    elapsed: float = 0.0  # s since the start, or since heading became known
     heading_known: bool = False  # a magnetometer has told north since the start
     turned: bool = False  # the snapshot's own sign is the opposite of the filter's
     sign_corrections: int = 0  # how often that changed: the jumps of a stateless rotor
@@ -165,6 +171,7 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
     accel_rejected = state.accel_rejected
     turned = state.turned
     sign_corrections = state.sign_corrections
+    elapsed = state.elapsed + dt
     rotor = predicted
     if found:
         turned = dot(snapshot, predicted) < 0.0
@@ -175,10 +182,13 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
             snapshot = negative(snapshot)  # eq. 4
         if starts or first_heading:
             rotor = snapshot
+            elapsed = 0.0
         else:
             weight = gains.alpha
             if gains.alpha_rate > 0.0:
                 weight = gains.alpha ** (dt * gains.alpha_rate)
+            if gains.average_start and elapsed < START:
+                weight = min(weight, elapsed / (elapsed + dt))
             rotor = blend(predicted, snapshot, weight)  # eq. 16
         heading_known = heading_known or north_from_mag
     else:
@@ -186,7 +196,7 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
     square = dot(rotor, rotor)
     if not square > 1e-12:  # only a stateless blend of opposite signs can vanish
         rotor = predicted
-    elif gains.normalise:
+    elif gains.normalise and gains.stateful:
         rotor = unit(rotor)
     return State(
         rotor,
@@ -194,6 +204,7 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
         carried,
         mag_age,
         state.started or found,
+        elapsed,
         heading_known,
         turned,
         sign_corrections,
@@ -226,6 +237,7 @@ class StatefulFilter:
             float(settings.alpha_rate),
             settings.stateful,
             settings.normalise,
+            settings.average_start,
             settings.use_mag,
             float(settings.mag_timeout),
             settings.north_at_start,

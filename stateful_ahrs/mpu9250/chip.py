@@ -34,8 +34,6 @@ OTHERS = {
 RESET_TIME = 0.1  # s
 START_UP_TIME = 0.035  # s, of the gyroscope; the accelerometer's is shorter
 TRANSFER_TIME = 0.01  # s, for the auxiliary master: ten of its rounds
-POLL = 0.0005  # s
-SILENCE = 0.2  # s
 
 
 @dataclass(frozen=True)
@@ -48,16 +46,14 @@ class Settings:
     dlpf: int = 2  # low-pass of both: 1: 184 Hz, 2: 92, 3: 41, 4: 20, 5: 10, 6: 5 (gyroscope)
 
     def __post_init__(self) -> None:
-        _one_of("gyro_range", self.gyro_range, GYRO_RANGES, "°/s")
-        _one_of("accel_range", self.accel_range, ACCEL_RANGES, "g")
-        _one_of("dlpf", self.dlpf, DLPF_SETTINGS, "")
+        _one_of("gyro_range", self.gyro_range, GYRO_RANGES, " °/s")
+        _one_of("accel_range", self.accel_range, ACCEL_RANGES, " g")
+        _one_of("dlpf", self.dlpf, DLPF_SETTINGS)
         if not (math.isfinite(self.rate) and self.rate > 0.0):
             raise UsageError(f"rate must be a positive number of Hz, got {self.rate:g}.")
-        exact = INTERNAL_RATE / self.divisor
-        if abs(exact - self.rate) > RATE_TOLERANCE * self.rate:
-            ratio = INTERNAL_RATE / self.rate
-            nearest = sorted({_divisor(math.ceil(ratio)), _divisor(math.floor(ratio))})
-            rates = " and ".join(f"{INTERNAL_RATE / n:g}" for n in reversed(nearest))
+        if abs(INTERNAL_RATE / self.divisor - self.rate) > RATE_TOLERANCE * self.rate:
+            nearest = sorted({math.ceil(self._ratio), math.floor(self._ratio)}, reverse=True)
+            rates = " and ".join(f"{INTERNAL_RATE / divisor:g}" for divisor in nearest)
             raise UsageError(
                 f"rate must be 1000 Hz divided by a whole number from 1 to {MAX_DIVISOR}, "
                 f"got {self.rate:g} Hz; nearest: {rates} Hz."
@@ -66,20 +62,19 @@ class Settings:
     @property
     def divisor(self) -> int:
         """By how much the chip divides its 1000 Hz."""
-        return _divisor(round(INTERNAL_RATE / self.rate))
+        return round(self._ratio)
+
+    @property
+    def _ratio(self) -> float:
+        return min(max(INTERNAL_RATE / self.rate, 1.0), MAX_DIVISOR)
 
 
-def _divisor(n: int) -> int:
-    return min(max(n, 1), MAX_DIVISOR)
-
-
-def _one_of(name: str, value: int, choices: tuple[int, ...], unit: str) -> None:
+def _one_of(name: str, value: int, choices: tuple[int, ...], unit: str = "") -> None:
     if value not in choices:
         nearest = min(choices, key=lambda choice: abs(choice - value))
-        listed = ", ".join(map(str, choices))
         raise UsageError(
-            f"{name} must be one of {listed} {unit}".rstrip()
-            + f", got {value}; nearest: {nearest}."
+            f"{name} must be one of {', '.join(map(str, choices))}{unit}, "
+            f"got {value}; nearest: {nearest}."
         )
 
 
@@ -87,7 +82,7 @@ class Mpu9250:
     """A configured MPU-9250, MPU-9255, or MPU-6500 (which has no magnetometer).
 
     `DeviceError` if the chip is absent, of another kind, or does not keep what it is told.
-    ``clock`` (ns) and ``sleep`` (s) are those of the bus where it is simulated in its own time.
+    ``sleep`` (s) is that of the bus where it is simulated in a time of its own.
     """
 
     def __init__(
@@ -95,12 +90,10 @@ class Mpu9250:
         bus: Bus,
         settings: Settings = Settings(),
         address: int = reg.ADDRESS,
-        clock: Callable[[], int] = time.monotonic_ns,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self._bus = bus
         self._address = address
-        self._clock = clock
         self._sleep = sleep
         self.settings = settings
         self.configure()
@@ -122,7 +115,6 @@ class Mpu9250:
         adjustment = self._start_magnetometer() if self.has_magnetometer else None
         self._set(reg.SMPLRT_DIV, s.divisor - 1)  # last: the auxiliary master works at this rate
         self._burst = Burst(s.gyro_range, s.accel_range, adjustment)
-        self._due = 0
         self.verify()
 
     def verify(self) -> None:
@@ -139,24 +131,6 @@ class Mpu9250:
         """The newest sample, in one transaction; None if it has been read before."""
         burst = self._burst
         return burst.reading(self._bus.read(self._address, reg.INT_STATUS, burst.size))
-
-    def wait(self) -> Reading:
-        """The next sample, within a tenth of a period or `POLL` s of when the chip has it.
-
-        `DeviceError` if the chip has none for `SILENCE` s and two periods.
-        """
-        period = self.settings.divisor / INTERNAL_RATE
-        poll = min(0.1 * period, POLL)
-        now = self._clock()
-        silent = now + round((2.0 * period + SILENCE) * 1e9)
-        if now < self._due:
-            self._sleep((self._due - now) * 1e-9)
-        while (reading := self.read()) is None:
-            if self._clock() > silent:
-                raise DeviceError(f"{self} answers, but has stopped taking samples.")
-            self._sleep(poll)
-        self._due = self._clock() + round((period - 2.0 * poll) * 1e9)
-        return reading
 
     def close(self) -> None:
         """Release the bus."""

@@ -64,7 +64,7 @@ def load_bag(
     except AhrsError:
         raise
     except Exception as error:  # a library may meet anything in a file that is not what it says
-        reason = " ".join(str(error).split()).rstrip(".") or type(error).__name__
+        reason = " ".join(str(error).split()).rstrip(".") or "its records make no sense"
         raise RecordingError(
             f"{path.name} is damaged or not a bag ({reason}); {REMEDIES[form]}."
         ) from None
@@ -76,13 +76,23 @@ def _refuse_unfinished(path: Path) -> None:
             f"{path.name} is a folder without metadata.yaml, expected a rosbag2 folder; "
             f"if its recording was cut short, {REMEDIES['folder']}."
         )
-    logs = path.glob("*.db3-wal") if path.is_dir() else [path.with_name(path.name + "-wal")]
-    for log in logs:
+    for database in path.glob("*.db3") if path.is_dir() else [path]:
+        log = database.with_name(database.name + "-wal")
         if log.is_file() and log.stat().st_size:
             raise RecordingError(
-                f"{path.name} is not finished: {log.name} holds messages that are not in it yet; "
-                "stop its recorder, or open it once with sqlite3 to merge them."
+                f"{database.name} is not finished: {log.name} holds messages that are not in it "
+                "yet; stop its recorder, or open it once with sqlite3 to merge them."
             )
+        with database.open("rb") as file:
+            head = file.read(100)
+        if head.startswith(b"SQLite format 3\0"):  # which reads what is missing as zeros
+            promised = int.from_bytes(head[16:18], "big") * int.from_bytes(head[28:32], "big")
+            size = database.stat().st_size
+            if size < promised:
+                raise RecordingError(
+                    f"{database.name} is cut short: it has {size} of {promised} bytes; "
+                    f"{REMEDIES['.db3']}."
+                )
 
 
 class _Stream:

@@ -70,7 +70,7 @@ def _variables(path: Path) -> dict[str, Any]:
             "save it in MATLAB with the option '-v7'."
         ) from None
     except Exception as error:  # scipy may meet anything in a file that is not what it says
-        reason = " ".join(str(error).split()).rstrip(".") or type(error).__name__
+        reason = " ".join(str(error).split()).rstrip(".") or "it makes no sense"
         raise RecordingError(f"{path.name} is damaged or not a MATLAB file ({reason}).") from None
     return variables
 

@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import RecordingError
-from ..filters.samples import unwrapped
 from .recording import Recording
 
 GYRO, ACCEL, MAG = ("gx", "gy", "gz"), ("ax", "ay", "az"), ("mx", "my", "mz")
@@ -73,7 +72,7 @@ def _read(reader: Iterator[list[str]], file: str, name: str) -> Recording:
             raise RecordingError(f"{file}: stamp_ns must be above zero, got {times.min()}.")
         times += START - times.min()
     values = np.array(cells).reshape(len(times), len(keys))
-    received = unwrapped(times)
+    received = times[0] + np.cumsum(np.diff(times, prepend=times[0]).clip(min=0))  # in row order
     columns = {group: values[:, [keys.index(key) for key in group]] for group in groups}
     mag = columns.get(MAG, np.full((len(times), 3), np.nan))
     sensed = ~np.isnan(mag).all(axis=1)

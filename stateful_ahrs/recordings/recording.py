@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..filters.samples import Array, Samples, Stamps, pair, unwrapped
+from ..filters.samples import Array, Samples, Stamps, pair
 
 Progress = Callable[[float], None]  # called now and then with the part that is done, 0 to 1
 
@@ -18,7 +18,8 @@ class Recording:
     """Streams in the order received; stamps in ns, which may jump back (a looped recording).
 
     Rotors are (w, x, y, z), sensor → earth (ENU). NaN stands for what a sensor did not report.
-    A ``received`` array is None where the source knows no times but the stamps.
+    A ``received`` array, ns, is None where the source knows no times but its stamps; these then
+    must not jump back.
     """
 
     name: str
@@ -30,10 +31,20 @@ class Recording:
     reference_stamps: Stamps | None = None  # (r,)
     reference: Array | None = None  # (r, 4); a row of NaN where unknown
     movement: NDArray[np.bool_] | None = None  # (r,) the phases that count for BROAD's metric
-    received: Stamps | None = None  # (n,) never decreasing
-    mag_received: Stamps | None = None  # (k,) never decreasing
-    reference_received: Stamps | None = None  # (r,) never decreasing
+    received: Stamps | None = None  # (n,) never decreases
+    mag_received: Stamps | None = None  # (k,) never decreases
+    reference_received: Stamps | None = None  # (r,) never decreases
     left_out: tuple[str, ...] = ()  # topics or columns of the source that are not in here
+
+    def __post_init__(self) -> None:
+        """Raise ValueError if times of reception decrease."""
+        for received, stamps in (
+            (self.received, self.stamps),
+            (self.mag_received, self.mag_stamps),
+            (self.reference_received, self.reference_stamps),
+        ):
+            if stamps is not None and (np.diff(times(received, stamps)) < 0).any():
+                raise ValueError(f"{self.name}: samples must be in the order received")
 
     def __len__(self) -> int:
         return len(self.stamps)
@@ -57,4 +68,4 @@ def samples(recording: Recording) -> Samples:
 
 def times(received: Stamps | None, stamps: Stamps) -> Stamps:
     """When each sample was received, ns; by its stamp where nothing else is known."""
-    return unwrapped(stamps) if received is None else received
+    return stamps if received is None else received

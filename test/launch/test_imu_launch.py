@@ -26,10 +26,9 @@ def domain(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def listener(domain: None) -> Iterator[Node]:
-    with rclpy.init():
-        node = rclpy.create_node("listener")
-        yield node
-        node.destroy_node()
+    rclpy.init()
+    yield rclpy.create_node("listener")
+    rclpy.shutdown()
 
 
 @launch_pytest.fixture
