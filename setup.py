@@ -45,6 +45,7 @@ setup(
         ],
         "bags": ["rosbags>=0.11", "scipy>=1.11"],
         "fast": ["numba>=0.59"],
+        "plot": ["matplotlib>=3.6"],
         "test": ["hypothesis>=6.98", "pytest>=7.4"],
         "lint": ["mypy>=1.13", "ruff>=0.17"],
     },

@@ -33,6 +33,11 @@ def recording(rows: int = 50, *, mag_every: int = 2, truth: bool = True) -> Reco
     )
 
 
+def covariance(first: float) -> Any:
+    """A covariance of zeros but for its first element."""
+    return np.array([first] + [0.0] * 8)
+
+
 class Bag:
     """Messages of any type, written by rosbags into a rosbag2 folder or a ROS 1 file."""
 
@@ -112,7 +117,7 @@ class Bag:
             angular_velocity=self.vector(*gyro),
             linear_acceleration=self.vector(*accel),
             **{
-                f"{field}_covariance": np.eye(9)[0] * (-1.0 if field in unreported else 0.0)
+                f"{field}_covariance": covariance(-1.0 if field in unreported else 0.0)
                 for field in fields
             },
         )
@@ -127,7 +132,7 @@ class Bag:
             "sensor_msgs/MagneticField",
             header=self.header(stamp),
             magnetic_field=self.vector(*field),
-            magnetic_field_covariance=np.eye(9)[0] * variance,
+            magnetic_field_covariance=covariance(variance),
         )
 
     def truth(

@@ -50,9 +50,7 @@ def test_without_a_magnetometer_no_inertial_sample_is_lost():
 
 def test_a_sample_that_is_not_finite_does_not_displace_one_that_is():
     mag = np.array([[1.0, 2.0, 3.0], [np.nan, 0.0, 0.0]])
-    samples = pair(
-        np.array([10, 20]), np.zeros((2, 3)), np.zeros((2, 3)), np.array([12, 13]), mag
-    )
+    samples = pair(np.array([10, 20]), np.zeros((2, 3)), np.zeros((2, 3)), np.array([12, 13]), mag)
     assert samples.mag[1].tolist() == [1.0, 2.0, 3.0]
 
 

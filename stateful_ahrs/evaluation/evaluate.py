@@ -15,7 +15,7 @@ import numpy as np
 
 from .. import filters
 from ..errors import AhrsError, UsageError, exit_with_sentence
-from ..filters import Settings
+from ..filters.stateful import Settings
 from ..recordings import Progress, load
 from ..recordings.progress import bar
 from .score import Result, Trial, prepare, score
@@ -97,9 +97,7 @@ def _job(argv: Sequence[str] | None) -> Job:
         help="draw errors over time and the rotor's elements: .png, .svg or .pdf",
     )
     given = parser.parse_args(argv)
-    settings = [
-        Settings(alpha=alpha, alpha_rate=given.alpha_rate) for alpha in sweep(given.alpha)
-    ]
+    settings = [Settings(alpha=alpha, alpha_rate=given.alpha_rate) for alpha in sweep(given.alpha)]
     job = Job(
         list(dict.fromkeys(given.recordings)),
         _filters(given.filters),

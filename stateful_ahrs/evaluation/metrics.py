@@ -119,9 +119,7 @@ def slerp(p: Array, q: Array, part: Array) -> Array:
     return np.where(part[:, None] == 0.0, p, between)
 
 
-def _brackets(
-    stamps: Stamps, known: Stamps
-) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
+def _brackets(stamps: Stamps, known: Stamps) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
     """The rows of ``known`` (sorted) before and after each stamp, and the part of the way.
 
     Both are the same row where the stamps coincide; the part is NaN where there is no bracket.

@@ -13,8 +13,19 @@ from rich.table import Table
 
 from .score import Result
 
-UNLIMITED = 100_000  # columns, where no terminal sets a limit
+UNLIMITED = 100_000  # columns
+FOLDED = 16  # columns at least for the name of a recording
 NONE = "-"
+NUMBERS = (
+    "alpha",
+    "tau (s)",
+    "samples",
+    "total",
+    "heading",
+    "inclination",
+    "flips",
+    "ns/sample",
+)
 
 
 def as_json(results: Sequence[Result]) -> dict[str, Any]:
@@ -36,33 +47,35 @@ def as_json(results: Sequence[Result]) -> dict[str, Any]:
 
 
 def write_table(results: Sequence[Result], file: TextIO) -> None:
-    """Print the table: framed on a terminal, elsewhere plain with a result in each line."""
+    """Print the table, never a cell shortened: framed on a terminal, elsewhere plain."""
     console = Console(file=file)
     framed = console.is_terminal
-    if not framed:
-        console = Console(file=file, width=UNLIMITED, color_system=None)
     table = Table(
         box=SIMPLE_HEAD if framed else None,
-        padding=(0, 1) if framed else (0, 2, 0, 0),
+        padding=(0, 0, 0, 1) if framed else (0, 2, 0, 0),
         pad_edge=False,
         caption="total, heading and inclination: RMSE in degrees" if framed else None,
     )
-    table.add_column("recording", overflow="fold", min_width=12)
+    table.add_column("recording", overflow="fold")
     table.add_column("filter", no_wrap=True)
-    for name in ("alpha", "tau (s)", "samples", "total", "heading", "inclination", "flips"):
+    for name in NUMBERS:
         table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("ns/sample", justify="right", no_wrap=True)
     last = None
     for result in results:
-        if last not in (None, result.recording):
+        recording, *cells = _cells(result)
+        if recording != last:
             table.add_section()
-        last = result.recording
-        table.add_row(*_cells(result))
-    if len({result.recording for result in results}) > 1:
-        table.add_section()
-        for cells in _means(results):
-            table.add_row(*cells, style="bold")
-    console.print(table, markup=False, highlight=False)
+        table.add_row("" if framed and recording == last else recording, *cells)
+        last = recording
+    table.add_section()
+    for cells in _means(results):
+        table.add_row(*cells, style="bold")
+
+    needed = console.measure(table, options=console.options.update(width=UNLIMITED)).maximum
+    if framed:  # names of recordings may be folded
+        needed -= max(0, max(len(result.recording) for result in results) - FOLDED)
+        needed = max(needed, console.width)
+    Console(file=file, width=needed, color_system="auto" if framed else None).print(table)
 
 
 def _cells(result: Result) -> list[str]:
@@ -79,11 +92,13 @@ def _cells(result: Result) -> list[str]:
 
 
 def _means(results: Sequence[Result]) -> list[list[str]]:
-    """One row for each filter and α, over the recordings that have a reference, or all."""
+    """For each filter and α over several recordings: over those with a reference, or all."""
     rows = []
     for name, alpha in dict.fromkeys((result.filter, result.alpha) for result in results):
         own = [result for result in results if (result.filter, result.alpha) == (name, alpha)]
         told = [result for result in own if result.rmse] or own
+        if len(told) == 1:
+            continue
         errors = [result.rmse for result in told if result.rmse]
         time_constants = {result.time_constant for result in told}
         rows.append(

@@ -315,3 +315,7 @@ class Fusion(Node):
 def main() -> None:
     """Run the node."""
     sys.exit(life.run("fusion", Fusion))
+
+
+if __name__ == "__main__":
+    main()

@@ -176,3 +176,7 @@ def _accept(values: dict[str, Any]) -> None:
 def main() -> None:
     """Run the node."""
     sys.exit(life.run("imu_driver", ImuDriver))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,17 @@
+"""The scenarios with nodes started as processes; `test/launch` starts them by launch files."""
+
+from __future__ import annotations
+
+import scenarios
+from graph import Graph
+
+
+def test_driver_and_fusion_agree_with_the_truth(graph: Graph) -> None:
+    graph.start("imu_driver", rate=200.0, sim_motion="tumble")
+    graph.start("fusion")
+    scenarios.driver_and_fusion_agree_with_the_truth(graph)
+
+
+def test_alpha_is_live(graph: Graph) -> None:
+    graph.start("fusion")
+    scenarios.alpha_is_live(graph)
