@@ -88,6 +88,14 @@ def test_a_restart_forgets_samples_of_another_time():
     assert pairing.superseded == 1
 
 
+def test_one_stamp_far_ahead_does_not_hold_up_the_others():
+    pairing = Pairing()
+    pairing.add(stamp(10_000), FIELDS[0])
+    for i in range(10):
+        pairing.add(stamp(i), FIELDS[i])
+        assert pairing.take(stamp(i)) == FIELDS[i]
+
+
 def test_a_magnetometer_without_inertial_samples_takes_bounded_memory():
     pairing = Pairing()
     for i in range(5000):

@@ -365,6 +365,14 @@ def test_settings_apply_from_the_next_sample():
     assert difference(f.rotor, IDENTITY) == pytest.approx(math.pi / 2)
 
 
+def test_what_makes_a_filter_the_papers_outlives_new_settings():
+    f = filters.make("paper_stateless")
+    f.settings = Settings(alpha=0.5)
+    assert f.settings == Settings(
+        alpha=0.5, stateful=False, normalise=False, average_start=False
+    )
+
+
 @pytest.mark.parametrize("alpha", [-0.1, 1.2, math.nan, math.inf])
 def test_alpha_out_of_range_is_refused_with_its_range(alpha):
     with pytest.raises(UsageError, match=r"alpha must be between 0 and 1, got"):

@@ -176,9 +176,9 @@ def _evaluate(job: Job) -> int:
             failed = 1
             continue
         if trial.truth is None:
-            _say(f"{trial.name} has no reference orientation: no errors to tell.")
+            _say(f"{trial.name} has no reference, so its errors are unknown (see --reference).")
         elif not trial.has_mag:
-            _say(f"{trial.name} has no magnetometer samples: its heading starts anywhere.")
+            _say(f"{trial.name} has no magnetometer samples: its heading starts at any angle.")
         if job.plot:
             trials.append(trial)
     if job.json:

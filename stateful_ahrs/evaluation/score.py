@@ -11,7 +11,7 @@ import numpy as np
 from .. import filters
 from ..errors import RecordingError
 from ..filters.frames import WorldFrame
-from ..filters.samples import Array, Samples
+from ..filters.samples import Array, Samples, Stamps
 from ..filters.stamps import steps
 from ..filters.stateful import Settings
 from ..recordings import Recording, samples
@@ -63,7 +63,7 @@ def prepare(recording: Recording) -> Trial:
         )
     truth = None
     if recording.reference is not None and recording.reference_stamps is not None:
-        truth = _truth(recording)
+        truth = _truth(recording, recording.reference_stamps, recording.reference)
     has_mag = bool(np.isfinite(mag).any())
     return Trial(name, replace(paired, gyro=gyro, accel=accel, mag=mag), truth, has_mag)
 
@@ -76,13 +76,13 @@ def estimate(trial: Trial, filter_: filters.Filter) -> Array:
 def score(trial: Trial, name: str, settings: Settings) -> Result:
     """Run the filter of that name and compare; the cost is that of the filter alone, warm."""
     filter_ = filters.make(name, settings)
-    filter_.run(Samples(*(part[:2] for part in vars(trial.samples).values())))  # compiles it
+    filter_.run(_first(trial.samples))  # compiles it
     best, spent = math.inf, 0.0
     for _ in range(REPEATS):
         start = time.perf_counter()
         rotors = filter_.run(trial.samples)
-        best = min(best, time.perf_counter() - start)
-        spent += best
+        took = time.perf_counter() - start
+        best, spent = min(best, took), spent + took
         if spent > LONG_ENOUGH:
             break
     rotors = WorldFrame("enu").all(rotors)
@@ -109,35 +109,37 @@ def time_constant(settings: Settings, samples: Samples) -> float:
     return replace(settings, alpha_rate=1.0 / float(np.median(taken))).time_constant
 
 
-def _truth(recording: Recording) -> Truth:
-    assert recording.reference is not None and recording.reference_stamps is not None
-    stamps, its = recording.stamps, recording.reference_stamps
-    loops, its_loops = (int(passes(s).max(initial=0)) for s in (stamps, its))
+def _first(samples: Samples) -> Samples:
+    return Samples(samples.stamps[:1], samples.gyro[:1], samples.accel[:1], samples.mag[:1])
+
+
+def _truth(recording: Recording, its_stamps: Stamps, reference: Array) -> Truth:
+    stamps = recording.stamps
+    loops, its_loops = (int(passes(s).max(initial=0)) for s in (stamps, its_stamps))
     if loops != its_loops:
         raise RecordingError(
             f"{recording.name}: IMU stamps jump back {loops} times and those of the reference "
             f"{its_loops} times, so it is unknown which belong together; cut the recording "
             "at the jumps."
         )
-    truth = truth_at(stamps, its, recording.reference, recording.movement)
+    truth = truth_at(stamps, its_stamps, reference, recording.movement)
     used = ~np.isnan(steps(stamps))  # a skipped sample has no estimate of its own
     truth = truth._replace(counts=truth.counts & used)
     if not truth.counts.any():
-        raise RecordingError(f"{recording.name}: {_why_nothing_counts(recording)}")
+        raise RecordingError(f"{recording.name}: {_why(recording, its_stamps, reference)}")
     return truth
 
 
-def _why_nothing_counts(recording: Recording) -> str:
-    assert recording.reference is not None and recording.reference_stamps is not None
-    known = np.isfinite(recording.reference).all(axis=1) & recording.reference.any(axis=1)
+def _why(recording: Recording, its_stamps: Stamps, reference: Array) -> str:
+    """Why nothing can be scored."""
+    known = np.isfinite(reference).all(axis=1) & reference.any(axis=1)
     if not known.any():
         return f"none of the {len(known)} rotors of its reference is finite."
     if recording.movement is not None and not (recording.movement & known).any():
-        return "its reference is unknown wherever movement counts."
+        return "its reference is unknown in all the phases that count (its movement)."
     first, last = recording.stamps.min() * 1e-9, recording.stamps.max() * 1e-9
-    its = recording.reference_stamps
     return (
         f"no IMU sample has a reference: rotors at most {LONGEST_GAP * 1e-9:g} s apart around it; "
-        f"the samples are from {first:.3f} to {last:.3f} s and the {len(its)} of the "
-        f"reference from {its.min() * 1e-9:.3f} to {its.max() * 1e-9:.3f} s."
+        f"the samples are from {first:.3f} to {last:.3f} s and the {len(known)} of the "
+        f"reference from {its_stamps.min() * 1e-9:.3f} to {its_stamps.max() * 1e-9:.3f} s."
     )

@@ -75,7 +75,7 @@ def write_table(results: Sequence[Result], file: TextIO) -> None:
     if framed:  # names of recordings may be folded
         needed -= max(0, max(len(result.recording) for result in results) - FOLDED)
         needed = max(needed, console.width)
-    Console(file=file, width=needed, color_system="auto" if framed else None).print(table)
+    Console(file=file, width=needed, height=console.height).print(table)
 
 
 def _cells(result: Result) -> list[str]:

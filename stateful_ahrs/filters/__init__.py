@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from functools import partial
 from typing import Protocol
 
 from ..errors import UsageError
@@ -41,18 +41,12 @@ class Filter(Protocol):
         """What /diagnostics shows."""
 
 
-def _paper(settings: Settings) -> StatefulFilter:
-    return StatefulFilter(replace(settings, normalise=False, average_start=False))
-
-
-def _paper_stateless(settings: Settings) -> StatefulFilter:
-    return _paper(replace(settings, stateful=False))
-
+AS_IN_THE_PAPER = {"normalise": False, "average_start": False}
 
 FILTERS: dict[str, Callable[[Settings], Filter]] = {
     "stateful": StatefulFilter,
-    "paper": _paper,
-    "paper_stateless": _paper_stateless,
+    "paper": partial(StatefulFilter, **AS_IN_THE_PAPER),
+    "paper_stateless": partial(StatefulFilter, **AS_IN_THE_PAPER, stateful=False),
 }
 
 

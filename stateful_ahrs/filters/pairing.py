@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import deque
+from bisect import insort
 
 from ..rotor import Vector
 from .stamps import LONGEST_STEP, LONGEST_STEP_BACK
@@ -18,7 +18,7 @@ class Pairing:
     """
 
     def __init__(self) -> None:
-        self._waiting: deque[tuple[int, Vector]] = deque()
+        self._waiting: list[tuple[int, Vector]] = []  # by stamp
         self._span = (-1, -1)  # stamps of the last two inertial samples
         self._newest = -1
         self.superseded = 0  # a newer one was there already: never used
@@ -34,7 +34,7 @@ class Pairing:
         if stamp <= self._newest or len(self._waiting) == WAITING:
             self.superseded += 1
             return False
-        self._waiting.append((stamp, mag))
+        insort(self._waiting, (stamp, mag))
         return False
 
     def take(self, stamp: int) -> Vector | None:
@@ -44,13 +44,13 @@ class Pairing:
         while self._waiting and self._waiting[0][0] <= stamp:
             if found is not None:
                 self.superseded += 1
-            self._newest, found = self._waiting.popleft()
+            self._newest, found = self._waiting.pop(0)
         return found
 
     def restart(self, stamp: int) -> None:
         """Start anew at this stamp (ns): samples of another time are superseded."""
         near = [kept for kept in self._waiting if abs(kept[0] - stamp) <= LONGEST_STEP]
         self.superseded += len(self._waiting) - len(near)
-        self._waiting = deque(near)
+        self._waiting = near
         self._span = (-1, -1)
         self._newest = -1

@@ -18,7 +18,7 @@ Deviations from the paper
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -155,10 +155,9 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
     starts = dt <= 0.0 or not state.started
     heading_known = state.heading_known and dt > 0.0
 
+    fresh = mag_age == 0.0
     north_from_mag = gains.use_mag and mag_age <= gains.mag_timeout
     found, snapshot = dcm(accel, carried)
-    if north_from_mag and not found and mag_age == 0.0:
-        mag_rejected += 1
     north_from_mag = north_from_mag and found
     if not north_from_mag:
         north = gains.north_at_start
@@ -167,6 +166,8 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
         found, snapshot = dcm(accel, north)
         if not found and starts:
             found, snapshot = dcm(accel, (0.0, 0.0, 1.0))
+        if found and fresh and gains.use_mag:
+            mag_rejected += 1  # it lies along gravity
 
     accel_rejected = state.accel_rejected
     turned = state.turned
@@ -217,10 +218,11 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
 class StatefulFilter:
     """The filter with its settings and state; one instance for each sensor.
 
-    Rotors returned are of unit length, sensor → earth (north-west-up), and continue in sign.
+    ``fixed`` are settings that belong to the filter's name and that no user changes. Rotors returned are of unit length, sensor → earth (north-west-up), and continue in sign.
     """
 
-    def __init__(self, settings: Settings = Settings()) -> None:  # noqa: B008 (immutable)
+    def __init__(self, settings: Settings = Settings(), **fixed: bool) -> None:  # noqa: B008
+        self._fixed = fixed
         self.settings = settings
         self.reset()
 
@@ -231,7 +233,7 @@ class StatefulFilter:
 
     @settings.setter
     def settings(self, settings: Settings) -> None:
-        self._settings = settings
+        self._settings = settings = replace(settings, **self._fixed)
         self._gains = Gains(
             float(settings.alpha),
             float(settings.alpha_rate),

@@ -6,6 +6,7 @@ import math
 import struct
 from typing import NamedTuple
 
+from ..errors import DeviceError
 from ..rotor import Vector
 from . import registers as reg
 
@@ -18,6 +19,8 @@ MAG_SCALE = 0.15e-6  # tesla per count at 16 bit, before the factory's adjustmen
 
 INERTIAL = struct.Struct(">B7h")  # INT_STATUS, accelerometer, temperature, gyroscope
 MAGNETIC = struct.Struct("<B3hB")  # ST1, magnetometer, ST2
+NOBODY = 0xFF  # what each byte reads as when no chip pulls the data line down
+STUCK = "every byte reads as 0xFF: nobody drives the bus. Check the wires and the supply."
 AXES = ("accel x", "accel y", "accel z", "gyro x", "gyro y", "gyro z")
 
 
@@ -50,10 +53,15 @@ class Burst:
             self.size += MAGNETIC.size
 
     def reading(self, data: bytes) -> Reading | None:
-        """The reading in ``data`` (``size`` bytes), or None if it holds nothing new."""
+        """The reading in ``data`` (``size`` bytes), or None if it holds nothing new.
+
+        `DeviceError` if it is what a bus reads that nobody drives.
+        """
         status, ax, ay, az, temperature, gx, gy, gz = INERTIAL.unpack_from(data)
         if not status & reg.RAW_DATA_RDY:
             return None
+        if status == NOBODY and data.count(NOBODY) == len(data):
+            raise DeviceError(STUCK)
         mag, overflow = None, False
         if self._mag_scale is not None:
             st1, mx, my, mz, st2 = MAGNETIC.unpack_from(data, INERTIAL.size)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import math
 import re
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
@@ -30,6 +29,7 @@ from ..recordings.progress import bar
 from ..recordings.wire import IMU, MAGNETIC_FIELD
 from . import messages, qos
 
+WAIT = 5.0  # s; discovery repeats itself every 3 s where its first words were lost
 SETTLED = 0.3  # s without a further subscriber: those that exist are matched
 ACKNOWLEDGED = 5.0  # s; a subscriber that needs longer at the end does not read
 SHORTEST_LOOP = 100_000_000  # ns
@@ -49,12 +49,14 @@ class Player(Node):
         self._clock_rate = clock
         self._outs: dict[Topic | None, Any] = {}
         for topic, count in bag.topics.items():
+            if not count:
+                continue
             try:
                 self._outs[topic] = self._advertise(topic)
             except UsageError as error:
                 self.get_logger().warning(f"{topic} and its {count} messages left out: {error}")
         if not self._outs:
-            raise RecordingError("the bag has nothing that can be played.")
+            raise RecordingError(f"{bag.name} has nothing that can be played.")
         if clock:
             self._outs[None] = self.create_publisher(Clock, "/clock", QoSProfile(depth=1))
 
@@ -155,25 +157,18 @@ class _Parser(argparse.ArgumentParser):
         raise UsageError(f"{message}; see bag_player --help.")
 
 
-def _above_zero(text: str) -> float:
-    value = _number(text)
-    if not 0.0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f"must be a number above 0, got {text!r}")
-    return value
+def _number(low: float, high: float) -> Callable[[str], float]:
+    """Parses a number between the two."""
 
+    def number(text: str) -> float:
+        try:
+            if low <= float(text) <= high:
+                return float(text)
+        except ValueError:
+            pass
+        raise argparse.ArgumentTypeError(f"must be between {low:g} and {high:g}, got {text!r}")
 
-def _seconds(text: str) -> float:
-    value = _number(text)
-    if not 0.0 <= value < math.inf:
-        raise argparse.ArgumentTypeError(f"must be 0 or more seconds, got {text!r}")
-    return value
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return math.nan
+    return number
 
 
 def _options(argv: Sequence[str]) -> argparse.Namespace:
@@ -182,24 +177,28 @@ def _options(argv: Sequence[str]) -> argparse.Namespace:
         "bag", type=Path, metavar="BAG", help="rosbag2 folder, .mcap, .db3 or ROS 1 .bag"
     )
     parser.add_argument(
-        "--rate", type=_above_zero, default=1.0, help="times the speed of the recording"
+        "--rate",
+        type=_number(0.001, 1000.0),
+        default=1.0,
+        metavar="R",
+        help="times the speed of the recording",
     )
     parser.add_argument("--loop", action="store_true", help="begin again at the end, for ever")
     parser.add_argument(
         "--clock",
-        type=_above_zero,
+        type=_number(0.1, 10_000.0),
         nargs="?",
         const=100.0,
         default=0.0,
         metavar="HZ",
-        help="publish the bag's time on /clock, for use_sim_time (HZ: %(const)g)",
+        help="publish the bag's time on /clock, for use_sim_time (%(const)g Hz unless given)",
     )
     parser.add_argument(
         "--wait",
-        type=_seconds,
-        default=2.0,
+        type=_number(0.0, 3600.0),
+        default=WAIT,
         metavar="S",
-        help="for the first subscriber of an IMU or magnetometer topic (default: %(default)g)",
+        help="for the first subscriber of an IMU or magnetometer topic (default: %(default)g s)",
     )
     try:
         own = remove_ros_args(argv)

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import AhrsError, RecordingError, TopicError
+from ..errors import RecordingError, TopicError
 from ..filters.samples import Array, Stamps
-from .needs import needed_for
+from .opening import damage_told, is_ros1, reader
 from .recording import Progress, Recording
 from .wire import BOOL, IMU, MAGNETIC_FIELD, ROTORS, decode, decode_bool
 
@@ -22,12 +22,6 @@ if TYPE_CHECKING:
     from rosbags.rosbag2 import Reader as Reader2
 
 BLOCK = 8192  # messages held undecoded
-REMEDIES = {
-    ".mcap": "`mcap recover` may repair it",
-    ".db3": "`sqlite3 FILE .recover` may repair it",
-    ".bag": "`rosbag reindex` may repair it",
-    "folder": "`ros2 bag reindex` may repair it",
-}
 
 
 class Topic(NamedTuple):
@@ -46,53 +40,14 @@ def load_bag(
     """Read the inertial, the magnetometer and the reference topic of a bag, in received order.
 
     Of several Imu topics the first that ends in ``data_raw`` is taken, else the first; of several
-    MagneticField topics the first of those whose names share most with it. ``reference`` is a topic
-    of a type in `wire.ROTORS`; without it, the first named ``ground_truth`` is taken if there is
-    one. A header stamp of zero is replaced by the time of reception. What has a covariance that
-    begins with -1 is not reported (REP-145): NaN. A damaged bag is refused, even where a part of
-    it could be read.
+    MagneticField topics the one whose name shares most with it. ``reference`` is a topic of a type
+    in `wire.ROTORS`; without it, the first named ``ground_truth`` is taken if there is one. A
+    header stamp of zero is replaced by the time of reception. What has a covariance that begins
+    with -1 is not reported (REP-145): NaN. A damaged bag is refused, even where a part of it
+    could be read.
     """
-    form = "folder" if path.is_dir() else path.suffix
-    ros1 = form == ".bag"
-    with needed_for(f"reading {path.name}"):
-        from rosbags.rosbag1 import Reader as Reader1
-        from rosbags.rosbag2 import Reader as Reader2
-    _refuse_unfinished(path)
-    try:
-        with Reader1(path) if ros1 else Reader2(path) as reader:
-            return _read(reader, ros1, path.name, name, reference, progress)
-    except AhrsError:
-        raise
-    except Exception as error:  # a library may meet anything in a file that is not what it says
-        reason = " ".join(str(error).split()).rstrip(".") or "its records make no sense"
-        raise RecordingError(
-            f"{path.name} is damaged or not a bag ({reason}); {REMEDIES[form]}."
-        ) from None
-
-
-def _refuse_unfinished(path: Path) -> None:
-    if path.is_dir() and not (path / "metadata.yaml").is_file():
-        raise RecordingError(
-            f"{path.name} is a folder without metadata.yaml, expected a rosbag2 folder; "
-            f"if its recording was cut short, {REMEDIES['folder']}."
-        )
-    for database in path.glob("*.db3") if path.is_dir() else [path]:
-        log = database.with_name(database.name + "-wal")
-        if log.is_file() and log.stat().st_size:
-            raise RecordingError(
-                f"{database.name} is not finished: {log.name} holds messages that are not in it "
-                "yet; stop its recorder, or open it once with sqlite3 to merge them."
-            )
-        with database.open("rb") as file:
-            head = file.read(100)
-        if head.startswith(b"SQLite format 3\0"):  # which reads what is missing as zeros
-            promised = int.from_bytes(head[16:18], "big") * int.from_bytes(head[28:32], "big")
-            size = database.stat().st_size
-            if size < promised:
-                raise RecordingError(
-                    f"{database.name} is cut short: it has {size} of {promised} bytes; "
-                    f"{REMEDIES['.db3']}."
-                )
+    with damage_told(path), reader(path) as opened:
+        return _read(opened, is_ros1(path), path.name, name, reference, progress)
 
 
 class _Stream:
@@ -125,7 +80,7 @@ class _Stream:
 
 
 def _read(
-    reader: Reader1 | Reader2,
+    opened: Reader1 | Reader2,
     ros1: bool,
     file: str,
     name: str,
@@ -133,7 +88,7 @@ def _read(
     progress: Progress | None,
 ) -> Recording:
     topics: dict[Topic, int] = {}
-    for c in reader.connections:
+    for c in opened.connections:
         topic = Topic(c.topic, c.msgtype)
         topics[topic] = topics.get(topic, 0) + c.msgcount
     roles = _choose(file, topics, reference)
@@ -142,12 +97,12 @@ def _read(
     }
     takers = {
         c.id: [s for s in streams.values() if s.topic == (c.topic, c.msgtype)]
-        for c in reader.connections
+        for c in opened.connections
     }
-    wanted = [c for c in reader.connections if takers[c.id]]
+    wanted = [c for c in opened.connections if takers[c.id]]
     promised = sum(c.msgcount for c in wanted)
     found = 0
-    for connection, received, message in reader.messages(connections=wanted):
+    for connection, received, message in opened.messages(connections=wanted):
         for stream in takers[connection.id]:
             stream.add(received, message)
         found += 1

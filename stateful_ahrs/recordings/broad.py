@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import RecordingError
 from .needs import needed_for
-from .recording import Recording
+from .recording import START, Recording
 
 SHAPES = {  # of each variable that a trial must have; n rows
     "imu_gyr": 3,  # rad/s
@@ -19,7 +19,6 @@ SHAPES = {  # of each variable that a trial must have; n rows
     "movement": 1,  # 1 in the phases that count
 }
 RATE = "sampling_rate"  # Hz
-START = 1_000_000_000  # ns; the trials have no clock, and a stamp of zero means "unset" in ROS
 
 
 def load_broad(path: Path, name: str) -> Recording:

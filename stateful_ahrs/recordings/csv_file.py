@@ -12,12 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import RecordingError
-from .recording import Recording
+from .recording import START, Recording
 
 GYRO, ACCEL, MAG = ("gx", "gy", "gz"), ("ax", "ay", "az"), ("mx", "my", "mz")
 ROTOR = ("qw", "qx", "qy", "qz")
 EXPECTED = "stamp_ns or t, gx, gy, gz, ax, ay, az and, if known, mx, my, mz and qw, qx, qy, qz"
-START = 1_000_000_000  # ns
 
 
 def load_csv(path: Path, name: str) -> Recording:

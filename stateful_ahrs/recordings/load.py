@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 
-from ..errors import RecordingError
 from .bag import load_bag
 from .broad import load_broad
 from .csv_file import load_csv
+from .opening import BAGS, require
 from .recording import Progress, Recording
 
 TABLES: dict[str, Callable[[Path, str], Recording]] = {".mat": load_broad, ".csv": load_csv}
-BAGS = (".mcap", ".db3", ".bag")
 
 
 def load(
@@ -25,20 +23,9 @@ def load(
     Raises RecordingError for what cannot be read as a whole, TopicError for a missing topic.
     """
     path = Path(path)
-    name = path.resolve().name
-    if not path.exists():
-        raise RecordingError(f"{path}: no such file or folder.")
-    if not os.access(path, os.R_OK):
-        raise RecordingError(f"{path}: permission denied.")
-    if not path.is_dir():
-        name = path.stem
-        if path.suffix not in (*TABLES, *BAGS):
-            raise RecordingError(
-                f"{path.name}: unknown suffix {path.suffix!r}, expected a rosbag2 folder, "
-                f"{', '.join((*BAGS, *TABLES))}."
-            )
-        if path.stat().st_size == 0:
-            raise RecordingError(f"{path.name} is empty.")
-        if path.suffix in TABLES:
-            return TABLES[path.suffix](path, name)
-    return load_bag(path, name, reference, progress)
+    require(path, (*BAGS, *TABLES))
+    if path.is_dir():
+        return load_bag(path, path.resolve().name, reference, progress)
+    if path.suffix in TABLES:
+        return TABLES[path.suffix](path, path.stem)
+    return load_bag(path, path.stem, reference, progress)

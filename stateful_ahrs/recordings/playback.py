@@ -35,6 +35,7 @@ class Bag:
     """The messages of an open bag, in the order received."""
 
     def __init__(self, path: Path, reader: Reader1 | Reader2) -> None:
+        self.name = path.name
         self.seconds = reader.duration * 1e-9
         self.topics: dict[Topic, int] = {}  # with how many messages each has
         self.latched: set[Topic] = set()  # kept by their publishers for those who join late
@@ -85,7 +86,7 @@ class Bag:
                     found += 1
         if found < promised:
             raise RecordingError(
-                f"{self._path.name} is cut short: its index promises {promised} messages "
+                f"{self.name} is cut short: its index promises {promised} messages "
                 f"and it has {found}."
             )
 
@@ -105,6 +106,7 @@ def open_bag(path: Path) -> Iterator[Bag]:
     Raises RecordingError for what is missing, damaged or without messages.
     """
     require(path, BAGS)
+    path = path.absolute()  # which has a name even where it is "."
     with ExitStack() as stack:
         with damage_told(path):
             opened = reader(path)

@@ -12,6 +12,8 @@ from ..filters.samples import Array, Samples, Stamps, pair
 
 Progress = Callable[[float], None]  # called now and then with the part that is done, 0 to 1
 
+START = 1_000_000_000  # ns; where a source has no clock: a stamp of zero means "unset" in ROS
+
 
 @dataclass(frozen=True, eq=False)
 class Recording:

@@ -1,0 +1,93 @@
+"""Nodes as processes of their own that end with the one that started them."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from types import TracebackType
+
+from ..errors import AhrsError
+
+PATIENCE = 3.0  # s, from SIGINT to SIGKILL
+
+
+def own_domain() -> None:
+    """Keep this process's ROS graph, and its children's, to itself, unless the user chose one."""
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    if "ROS_DOMAIN_ID" not in os.environ:
+        domains = random.sample(range(1, 101), 100)  # above 101 the ports are not safe on Linux
+        os.environ["ROS_DOMAIN_ID"] = str(next(filter(_is_free, domains), domains[0]))
+
+
+def _is_free(domain: int) -> bool:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(("", 7410 + 250 * domain))  # of the domain's first participant
+        except OSError:
+            return False
+    return True
+
+
+class Children:
+    """Processes of `stateful_ahrs.nodes`; SIGTERM and SIGHUP end the block as SIGINT does."""
+
+    def __init__(self) -> None:
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+        self._said: dict[str, tempfile._TemporaryFileWrapper[bytes]] = {}
+
+    def __enter__(self) -> Children:
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, signal.default_int_handler)
+        return self
+
+    def start(self, name: str, *arguments: str) -> None:
+        """Start an executable; a terminal's Ctrl-C does not reach it."""
+        self._said[name] = tempfile.TemporaryFile()
+        self._running[name] = subprocess.Popen(
+            [sys.executable, "-m", f"stateful_ahrs.nodes.{name}", *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=self._said[name],
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+
+    def ended(self, name: str) -> bool:
+        """Whether it has ended well; `AhrsError` with its last words if it failed."""
+        code = self._running[name].poll()
+        if code:
+            self._said[name].seek(0)
+            words = self._said[name].read().decode(errors="replace").strip().splitlines()
+            raise AhrsError(f"{name} ended with code {code}: {words[-1] if words else 'no word.'}")
+        return code is not None
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, signal.SIG_IGN)  # nothing may interrupt this
+        for process in self._running.values():
+            _signal(process, signal.SIGINT)
+        end = time.monotonic() + PATIENCE
+        for process in self._running.values():
+            try:
+                process.wait(max(0.0, end - time.monotonic()))
+            except subprocess.TimeoutExpired:
+                _signal(process, signal.SIGKILL)
+                process.wait()
+
+
+def _signal(process: subprocess.Popen[bytes], number: int) -> None:
+    """Reach the process and all that it started."""
+    try:
+        os.killpg(process.pid, number)
+    except ProcessLookupError:
+        pass

@@ -1,0 +1,442 @@
+"""The running fusion node: the paper's experiment, loops, garbage, world frames, services."""
+
+from __future__ import annotations
+
+import math
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import QuaternionStamped, Vector3Stamped
+from graph import Graph, nanoseconds, until
+from rosgraph_msgs.msg import Clock
+from scenarios import errors_deg, flips, rotor_of, status
+from sensor_msgs.msg import Imu, MagneticField
+from std_msgs.msg import Float64
+from std_srvs.srv import Trigger
+
+from stateful_ahrs import filters
+from stateful_ahrs.filters.frames import WorldFrame
+from stateful_ahrs.recordings import load, samples
+from stateful_ahrs.rotor import difference, from_axis_angle, product
+
+BAGS = Path(__file__).parents[1] / "bags"
+SECOND = 1_000_000_000
+PERIOD = SECOND // 100
+START = 1_000 * SECOND
+LEVEL = (0.0, 0.0, 9.81)
+NORTH = (20e-6, 0.0, -40e-6)
+
+
+class Sensor:
+    """Publishes samples by hand."""
+
+    def __init__(self, graph: Graph) -> None:
+        self._imu = graph.speak(Imu, "imu/data_raw")
+        self._mag = graph.speak(MagneticField, "imu/mag")
+        self.heard = graph.hear(Imu, "imu/data")
+        until(lambda: graph.node.count_publishers("imu/data") > 0, "imu/data")
+        self.sent = 0
+        until(self._heard_back, "the first orientation")
+        last = START - 50 * SECOND
+        self.send(last)
+        until(lambda: nanoseconds(self.heard[-1]) == last, "the last answer of the warm-up")
+        self.heard.clear()
+
+    def _heard_back(self) -> bool:
+        self.send(START - 100 * SECOND + self.sent * PERIOD)
+        return bool(self.heard)
+
+    def send(self, stamp, gyro=(0.0, 0.0, 0.0), accel=LEVEL, mag=NORTH, mag_first=True):
+        imu = Imu()
+        imu.header.frame_id = "imu_link"
+        imu.header.stamp.sec, imu.header.stamp.nanosec = divmod(stamp, SECOND)
+        for vector, values in ((imu.angular_velocity, gyro), (imu.linear_acceleration, accel)):
+            vector.x, vector.y, vector.z = values
+        field = MagneticField(header=imu.header)
+        if mag is not None and mag_first:
+            field.magnetic_field.x, field.magnetic_field.y, field.magnetic_field.z = mag
+            self._mag.publish(field)
+        self._imu.publish(imu)
+        if mag is not None and not mag_first:
+            field.magnetic_field.x, field.magnetic_field.y, field.magnetic_field.z = mag
+            self._mag.publish(field)
+        self.sent += 1
+
+    def send_all(self, stamps, **sample):
+        """Send and wait for the answer to each (all are answered)."""
+        for stamp in stamps:
+            before = len(self.heard)
+            self.send(stamp, **sample)
+            until(lambda before=before: len(self.heard) > before, f"an orientation at {stamp}")
+        return self.heard[-1]
+
+
+def ticks(count, start=START):
+    return [start + i * PERIOD for i in range(count)]
+
+
+@pytest.fixture
+def sensor(graph):
+    graph.start("fusion")
+    return Sensor(graph)
+
+
+def counts(graph, **expected):
+    """Wait until /diagnostics of fusion shows the values."""
+    heard = graph.hear(DiagnosticArray, "/diagnostics")
+
+    def shown():
+        values = status(heard, "fusion")[2]
+        return values and all(values.get(name) == str(value) for name, value in expected.items())
+
+    until(shown, f"diagnostics with {expected}")
+    return status(heard, "fusion")
+
+
+# The paper's experiment
+
+
+@pytest.mark.parametrize("stateful", [True, False])
+def test_one_turn_about_y_then_one_about_z(graph, stateful):
+    orientations = graph.hear(Imu, "imu/data")
+    truth = graph.hear(QuaternionStamped, "ground_truth")
+    angles = graph.hear(Float64, "imu/angle")
+    graph.start("fusion", stateful=stateful, world_frame="enu")
+    graph.until_published("imu/data")
+    player = graph.start("bag_player", str(BAGS / "turns"), "--wait", "20")
+    assert player.wait(30.0) == 0
+    until(lambda: len(orientations) == 950, "all 950 orientations")
+    errors = errors_deg(orientations, truth)
+    assert len(errors) > 500  # the truth, heard by the test alone, may begin late
+    moving = errors[-850:]
+    assert flips(orientations) == 0
+    if stateful:
+        assert moving.max() < 2.0
+        # the motion begins facing north, which is 90° in ENU, and ends two turns later
+        assert angles[-1].data == pytest.approx(math.pi / 2 + 4 * math.pi, abs=0.1)
+    else:
+        assert moving.max() > 90.0
+
+
+@pytest.mark.parametrize("name", ["stateful", "paper"])
+def test_live_and_offline_are_the_same(graph, name):
+    recording = load(BAGS / "turns")
+    offline = WorldFrame("enu").all(filters.make(name, settings("enu")).run(samples(recording)))
+    orientations = graph.hear(Imu, "imu/data")
+    graph.start("fusion", filter=name)
+    graph.until_published("imu/data")
+    assert graph.start("bag_player", str(BAGS / "turns"), "--wait", "20", "--rate", "3").wait(30.0) == 0
+    until(lambda: len(orientations) == len(recording), "every orientation")
+    worst = max(
+        difference(rotor_of(message.orientation), tuple(q))
+        for message, q in zip(orientations, offline, strict=True)
+    )
+    assert worst < 1e-6  # rad
+    assert [nanoseconds(message) for message in orientations] == recording.stamps.tolist()
+
+
+def settings(frame):
+    return filters.Settings(north_at_start=WorldFrame(frame).north_at_zero_yaw)
+
+
+# Stamps and clocks
+
+
+def test_a_looped_bag_restarts_the_filter_and_never_flips_the_rotor(graph):
+    orientations = graph.hear(Imu, "imu/data")
+    truth = graph.hear(QuaternionStamped, "ground_truth")
+    fusion = graph.start("fusion", use_sim_time=True)
+    graph.until_published("imu/data")
+    player = graph.start(
+        "bag_player", str(BAGS / "turns"), "--wait", "20", "--loop", "--clock", "--rate", "8"
+    )
+    until(lambda: len(orientations) > 2.5 * 950, "two and a half rounds")
+    values = counts(graph, stamps_gaps=0, stamps_out_of_order=0)[2]
+    assert player.end() == 0
+    assert int(values["stamps_jumps_back"]) >= 2
+    assert int(values["stamps_clock_jumps"]) >= 2
+    assert flips(orientations) == 0
+    stamps = np.array([nanoseconds(message) for message in orientations])
+    since_start = stamps - stamps.min()
+    settled = [m for m, t in zip(orientations, since_start, strict=True) if t > SECOND]
+    assert errors_deg(settled, truth).max() < 2.0
+    assert fusion.said.count("jump back") == 1  # said once, counted often
+
+
+@pytest.mark.parametrize(
+    ("stamp", "count"),
+    [
+        (START + 99 * PERIOD, "stamps_duplicate"),
+        (START + 97 * PERIOD, "stamps_out_of_order"),
+        (0, "stamps_zero"),
+    ],
+)
+def test_a_bad_stamp_is_skipped_counted_and_said(graph, sensor, stamp, count):
+    sensor.send_all(ticks(100))
+    sensor.send(stamp, gyro=(9.0, 9.0, 9.0), mag=None)
+    last = sensor.send_all([START + 100 * PERIOD])
+    assert len(sensor.heard) == 101  # the bad one has no answer
+    assert difference(rotor_of(last.orientation), rotor_of(sensor.heard[98].orientation)) < 1e-6
+    counts(graph, **{count: 1})
+
+
+@pytest.mark.parametrize("jump", [-500 * SECOND, 500 * SECOND])
+def test_a_jump_of_the_stamps_starts_anew(graph, sensor, jump):
+    sensor.send_all(ticks(50))
+    # by the gap's end the sensor lies on its side: at once, not after the time constant
+    on_side = sensor.send_all([START + jump], accel=(0.0, 9.81, 0.0), mag=(20e-6, -40e-6, 0.0))
+    level = rotor_of(sensor.heard[49].orientation)
+    assert difference(rotor_of(on_side.orientation), level) == pytest.approx(math.pi / 2, abs=1e-6)
+    assert flips(sensor.heard) == 0
+
+
+def test_a_sender_that_does_not_stamp_gets_orientations_by_time_of_arrival(graph):
+    graph.start("fusion")
+    imu = graph.speak(Imu, "imu/data_raw")
+    heard = graph.hear(Imu, "imu/data")
+    message = Imu()
+    message.linear_acceleration.z = 9.81
+
+    def answered():
+        imu.publish(message)
+        return len(heard) > 5
+
+    until(answered, "orientations")
+    stamps = [nanoseconds(message) for message in heard]
+    assert all(stamp > 0 for stamp in stamps)
+    assert stamps == sorted(stamps)
+
+
+# Magnetometers
+
+
+def test_the_order_in_which_a_pair_arrives_does_not_matter(graph, sensor):
+    rate = (0.0, 0.0, 1.0)
+    for i, stamp in enumerate(ticks(200)):
+        angle = -0.01 * i
+        field = (20e-6 * math.cos(angle), 20e-6 * math.sin(angle), -40e-6)
+        sensor.send_all([stamp], gyro=rate, mag=field, mag_first=i % 2 == 0)
+    values = counts(graph)[2]
+    assert values["mag_superseded"] == "0"
+    yaw = from_axis_angle((0.0, 0.0, 1.0), 199 * 0.01)
+    truth = product(WorldFrame("enu").rotor, yaw)
+    assert difference(rotor_of(sensor.heard[-1].orientation), truth) < 1e-4
+
+
+def test_without_a_magnetometer_every_sample_is_answered_and_diagnostics_say_so(graph):
+    graph.start("fusion")
+    imu = graph.speak(Imu, "imu/data_raw")
+    heard = graph.hear(Imu, "imu/data")
+    diagnostics = graph.hear(DiagnosticArray, "/diagnostics")
+    message = Imu()
+    message.linear_acceleration.z = 9.81
+    sent = 0
+
+    def warned():
+        nonlocal sent
+        sent += 1
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(START + sent * PERIOD, SECOND)
+        imu.publish(message)
+        return "No sample on /imu/mag yet (0 publishers)" in status(diagnostics, "fusion")[1]
+
+    until(warned, "the warning")
+    assert status(diagnostics, "fusion")[2]["heading"] == "gyroscope"
+    assert len(heard) > 0.5 * sent  # the first ones came before the two had found each other
+    # yaw 0 in ENU as long as nothing tells north
+    assert rotor_of(heard[-1].orientation) == pytest.approx((1.0, 0.0, 0.0, 0.0), abs=1e-9)
+
+
+# Garbage
+
+
+GARBAGE = [math.nan, math.inf, -math.inf, 0.0, 1e308]
+
+
+def test_garbage_in_no_garbage_out(graph, sensor):
+    good = rotor_of(sensor.send_all(ticks(100)).orientation)
+    i = 100
+    for bad in GARBAGE:
+        vector = (bad, bad, bad)
+        for sample in (
+            {"gyro": vector},
+            {"accel": vector},
+            {"mag": vector},
+            {"mag": (0.0, 0.0, bad)},  # along gravity
+            {"gyro": vector, "accel": vector, "mag": vector},
+        ):
+            bad_answer = sensor.send_all([START + i * PERIOD], **sample)
+            good_answer = sensor.send_all([START + (i + 1) * PERIOD])
+            i += 2
+            assert difference(rotor_of(bad_answer.orientation), good) < math.radians(1.0)
+            assert difference(rotor_of(good_answer.orientation), good) < math.radians(1.0)
+    for message in sensor.heard:
+        numbers = [
+            *rotor_of(message.orientation),
+            message.angular_velocity.x,
+            message.linear_acceleration.y,
+            *message.orientation_covariance,
+        ]
+        assert np.isfinite(numbers).all()
+        assert math.hypot(*rotor_of(message.orientation)) == pytest.approx(1.0, abs=1e-9)
+    values = counts(graph)[2]
+    assert int(values["gyro_rejected"]) == 8  # not zero, which is a rate
+    assert int(values["accel_rejected"]) == 10
+    assert int(values["mag_rejected"]) + int(values["mag_empty"]) == 15
+
+
+def test_a_field_that_is_not_a_number_is_published_as_not_reported(sensor):
+    answer = sensor.send_all([START], gyro=(math.nan, 0.0, 0.0), accel=(0.0, math.inf, 9.8))
+    assert answer.angular_velocity_covariance[0] == -1.0
+    assert answer.linear_acceleration_covariance[0] == -1.0
+
+
+def test_before_the_first_usable_sample_the_orientation_is_not_reported(graph):
+    graph.start("fusion")
+    imu = graph.speak(Imu, "imu/data_raw")
+    heard = graph.hear(Imu, "imu/data")
+    until(lambda: imu.publish(Imu()) or heard, "an answer")  # zero acceleration
+    assert heard[0].orientation_covariance[0] == -1.0
+
+
+# Parameters, services and derived topics
+
+
+@pytest.mark.parametrize(
+    ("frame", "expected"),
+    [
+        ("enu", from_axis_angle((0.0, 0.0, 1.0), math.pi / 2)),
+        ("nwu", (1.0, 0.0, 0.0, 0.0)),
+        ("ned", (0.0, 1.0, 0.0, 0.0)),
+    ],
+)
+def test_level_and_facing_north_in_each_world_frame(graph, frame, expected):
+    graph.start("fusion", world_frame=frame, orientation_stddev=0.1)
+    answer = Sensor(graph).send_all(ticks(3))
+    assert difference(rotor_of(answer.orientation), expected) < 1e-6
+    assert answer.orientation_covariance[::4] == pytest.approx([0.01, 0.01, 0.01])
+    assert answer.header.frame_id == "imu_link"
+
+
+@pytest.mark.parametrize(
+    ("parameters", "sentence"),
+    [
+        ({"alpha": 1}, "alpha must be a double, got an integer (1): write 1.0 instead of 1."),
+        ({"alpha": 1.2}, "out of range"),
+        ({"alpha": ".nan"}, "alpha"),
+        ({"filter": "kalman"}, "there is no filter 'kalman'; there are stateful, paper"),
+        ({"world_frame": "nue"}, "world_frame must be one of enu, nwu, ned, got 'nue'."),
+        ({"orientation_stddev": -1.0}, "orientation_stddev must be 0 or more rad, got -1.0."),
+        ({"publish_tf": True}, "publish_tf needs tf2_ros"),
+    ],
+)
+def test_a_wrong_parameter_ends_the_node_with_one_sentence(graph, parameters, sentence):
+    if "publish_tf" in parameters and has_tf2():
+        pytest.skip("tf2_ros is installed here")
+    fusion = graph.start("fusion", **parameters)
+    assert fusion.wait() == 2
+    assert sentence in fusion.said
+    assert "Traceback" not in fusion.said
+    assert len(fusion.said.splitlines()) == 1
+
+
+def has_tf2():
+    try:
+        import tf2_ros  # noqa: F401
+    except ImportError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("world_frame", "ned"), ("filter", "paper"), ("publish_tf", True)]
+)
+def test_what_is_not_live_is_refused(graph, name, value):
+    graph.start("fusion")
+    result = graph.set_parameter("fusion", name, value)
+    assert not result.successful
+    assert "read-only" in result.reason
+
+
+def test_live_parameters_take_effect_with_the_next_sample(graph, sensor):
+    sensor.send_all(ticks(200))
+    assert graph.set_parameter("fusion", "alpha", 0.0).successful
+    tilted = (0.0, 9.81 * math.sin(0.2), 9.81 * math.cos(0.2))
+    answer = sensor.send_all([START + 200 * PERIOD], accel=tilted)
+    level = rotor_of(sensor.heard[199].orientation)
+    assert difference(rotor_of(answer.orientation), level) > 0.19
+    assert graph.set_parameter("fusion", "orientation_stddev", 0.2).successful
+    answer = sensor.send_all([START + 201 * PERIOD])
+    assert answer.orientation_covariance[0] == pytest.approx(0.04)
+
+
+def test_axis_angle_and_euler_angles_follow_the_orientation(graph):
+    graph.start("fusion", world_frame="nwu")
+    sensor = Sensor(graph)
+    derived = [
+        graph.hear(Vector3Stamped, "imu/axis"),
+        graph.hear(Float64, "imu/angle"),
+        graph.hear(Vector3Stamped, "imu/rpy"),
+    ]
+    i = 0
+
+    def all_heard():
+        nonlocal i
+        sensor.send_all([START + i * PERIOD])
+        i += 1
+        return all(derived)
+
+    until(all_heard, "axis, angle and Euler angles")
+    for k in range(1, 401):  # two turns about z at π rad/s
+        angle = -2 * math.pi * k / 200
+        field = (20e-6 * math.cos(angle), 20e-6 * math.sin(angle), -40e-6)
+        sensor.send_all([START + i * PERIOD], gyro=(0.0, 0.0, math.pi), mag=field)
+        i += 1
+    axis, angle, rpy = derived
+    until(lambda: angle[-1].data == pytest.approx(4 * math.pi, abs=0.01), "an angle of 4π")
+    assert axis[-1].vector.z == pytest.approx(1.0, abs=0.01)
+    assert rpy[-1].vector.z == pytest.approx(0.0, abs=0.01)
+    assert axis[-1].header.frame_id == "imu_link"
+
+
+def test_reset_starts_anew(graph, sensor):
+    sensor.send_all(ticks(100))
+    assert graph.call(Trigger, "fusion/reset").success
+    on_side = sensor.send_all(
+        [START + 100 * PERIOD], accel=(0.0, 9.81, 0.0), mag=(20e-6, -40e-6, 0.0)
+    )
+    level = rotor_of(sensor.heard[99].orientation)
+    assert difference(rotor_of(on_side.orientation), level) == pytest.approx(math.pi / 2, abs=1e-6)
+    assert flips(sensor.heard) == 0
+
+
+def test_the_bias_is_taken_at_rest_and_refused_in_motion(graph, sensor):
+    sensor.send_all(ticks(50), gyro=(0.01, 0.0, 0.0))
+    refused = graph.call(Trigger, "fusion/calibrate_gyro")
+    assert not refused.success
+    assert "keep the sensor still for 2 s" in refused.message
+    sensor.send_all(ticks(201, START + 50 * PERIOD), gyro=(0.01, 0.0, -0.02))
+    assert graph.call(Trigger, "fusion/calibrate_gyro").success
+    answer = sensor.send_all([START + 251 * PERIOD], gyro=(0.11, 0.0, -0.02))
+    assert answer.angular_velocity.x == pytest.approx(0.1, abs=1e-3)
+    assert answer.angular_velocity.z == pytest.approx(0.0, abs=1e-3)
+    sensor.send_all(ticks(10, START + 252 * PERIOD), gyro=(5.0, 0.0, 0.0))
+    assert not graph.call(Trigger, "fusion/calibrate_gyro").success
+
+
+@pytest.mark.parametrize("by", [signal.SIGINT, signal.SIGTERM])
+def test_it_ends_on_a_signal_with_exit_code_0(graph, by):
+    fusion = graph.start("fusion")
+    graph.until_published("imu/data")
+    assert fusion.end(by, timeout=2.0) == 0
+    assert "Traceback" not in fusion.said
+
+
+def test_simulated_time_is_not_needed_for_diagnostics(graph):
+    graph.start("fusion", use_sim_time=True)  # and nobody publishes /clock
+    heard = graph.hear(DiagnosticArray, "/diagnostics")
+    until(lambda: status(heard, "fusion")[0] == b"\x02", "an error about silence")
+    assert "No sample on /imu/data_raw yet" in status(heard, "fusion")[1]
+    graph.speak(Clock, "/clock", listeners=0)

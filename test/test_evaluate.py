@@ -1,0 +1,559 @@
+"""evaluate: what it prints, writes and refuses."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stateful_ahrs import filters
+from stateful_ahrs.errors import RecordingError, UsageError
+from stateful_ahrs.evaluation import score as scoring
+from stateful_ahrs.evaluation.evaluate import main, sweep
+from stateful_ahrs.evaluation.metrics import Rmse
+from stateful_ahrs.evaluation.score import Result, prepare, score, time_constant
+from stateful_ahrs.evaluation.table import as_json, short_alpha, write_table
+from stateful_ahrs.filters.frames import WorldFrame
+from stateful_ahrs.filters.stateful import Settings
+from stateful_ahrs.recordings import Recording
+from stateful_ahrs.rotor import IDENTITY, conjugate, product, rotate
+
+ROOT = Path(__file__).parents[1]
+BAGS = Path(__file__).parent / "bags"
+BROAD = ROOT.parent / "shared" / "data" / "broad"
+START = 1_000_000_000  # ns
+STEP = 10_000_000  # ns
+FIELD_NWU = (2e-5, 0.0, -4e-5)  # tesla
+
+
+def turning(rows: int = 300, name: str = "turning") -> Recording:
+    """A sensor without noise that turns at 1 rad/s about an axis that wanders."""
+    q, gyro, accel, mag, truth = IDENTITY, [], [], [], []
+    enu = WorldFrame("enu")
+    for n in range(rows):
+        rate = (0.6 * math.cos(0.01 * n), 0.6 * math.sin(0.01 * n), 0.8)
+        if n:
+            half = 0.5e-9 * STEP
+            angle = math.sin(half)
+            q = product(q, (math.cos(half), *(angle * part for part in rate)))
+        back = conjugate(q)
+        gyro.append(rate)
+        accel.append(rotate(back, (0.0, 0.0, 9.81)))
+        mag.append(rotate(back, FIELD_NWU))
+        truth.append(enu.update(q))
+    stamps = START + STEP * np.arange(rows, dtype=np.int64)
+    return Recording(
+        name=name,
+        stamps=stamps,
+        gyro=np.array(gyro),
+        accel=np.array(accel),
+        mag_stamps=stamps,
+        mag=np.array(mag),
+        reference_stamps=stamps,
+        reference=np.array(truth),
+    )
+
+
+def write_csv(path: Path, recording: Recording, groups: str = "gamq") -> str:
+    """A CSV of the streams named by letter: gyro, accel, mag, quaternion."""
+    columns = {
+        "g": ("gx,gy,gz", recording.gyro),
+        "a": ("ax,ay,az", recording.accel),
+        "m": ("mx,my,mz", recording.mag),
+        "q": ("qw,qx,qy,qz", recording.reference),
+    }
+    rows = np.hstack([columns[group][1] for group in groups])
+    with path.open("w") as file:
+        print("stamp_ns", *(columns[group][0] for group in groups), sep=",", file=file)
+        for stamp, row in zip(recording.stamps.tolist(), rows.tolist(), strict=True):
+            cells = ("" if math.isnan(cell) else repr(cell) for cell in row)
+            print(stamp, *cells, sep=",", file=file)
+    return str(path)
+
+
+@pytest.fixture
+def table(tmp_path) -> str:
+    return write_csv(tmp_path / "turning.csv", turning())
+
+
+def results_of(capsys, *argv: str) -> list[dict]:
+    assert main([*argv, "--json", "-"]) == 0
+    return json.loads(capsys.readouterr().out)["results"]
+
+
+# What it finds
+
+
+def test_json_has_the_keys_of_the_contract_and_numbers_in_them(table, capsys):
+    (result,) = results_of(capsys, table, "--filters", "paper", "--alpha", "0.99")
+    assert list(result) == [
+        *("recording", "filter", "alpha", "samples"),
+        *("rmse_deg", "sign_flips", "ns_per_sample"),
+    ]
+    assert list(result["rmse_deg"]) == ["total", "heading", "inclination"]
+    assert (result["recording"], result["filter"]) == ("turning", "paper")
+    assert (result["alpha"], result["samples"], result["sign_flips"]) == (0.99, 300, 0)
+    assert all(isinstance(angle, float) for angle in result["rmse_deg"].values())
+    assert result["ns_per_sample"] > 0.0
+
+
+def test_without_noise_the_filter_is_right_in_enu(table, capsys):
+    (result,) = results_of(capsys, table)
+    # The rates stand at the end of their steps; a wrong frame or side would cost 90° or more.
+    assert result["rmse_deg"]["total"] < 0.05
+
+
+def test_a_known_heading_error_is_found_as_such(tmp_path):
+    recording = turning()
+    east = (math.cos(0.1), 0.0, 0.0, math.sin(0.1))  # 0.2 rad about the vertical
+    reference = np.stack(product(east, tuple(recording.reference.T)), axis=1)
+    found = score(prepare(replace(recording, reference=reference)), "stateful", Settings()).rmse
+    assert found.heading == pytest.approx(math.degrees(0.2), abs=0.05)
+    assert found.inclination < 0.05
+
+
+def test_the_simulators_bag_shows_why_the_rotor_must_be_stateful(capsys):
+    pytest.importorskip("rosbags")
+    found = {
+        result["filter"]: result["rmse_deg"]["total"]
+        for result in results_of(capsys, str(BAGS / "turns"), "--filters", "all")
+    }
+    assert set(found) == set(filters.FILTERS)
+    # The bag holds the paper's experiment with the noise of the sensor.
+    assert found["stateful"] < 1.0
+    assert found["paper"] < 2.0
+    assert found["paper_stateless"] > 5.0
+
+
+@pytest.mark.skipif(not BROAD.is_dir(), reason="the BROAD trials are not beside the checkout")
+def test_the_papers_filter_scores_at_most_12_5_degrees_on_broad(capsys):
+    pytest.importorskip("scipy")
+    trials = sorted(map(str, BROAD.glob("*.mat")))
+    alpha = str(math.exp(-0.01 / 12.0))  # a time constant of 12 s at 100 Hz
+    results = results_of(capsys, *trials, "--filters", "paper", "--alpha", alpha)
+    assert len(results) == len(trials) == 15
+    assert np.mean([result["rmse_deg"]["total"] for result in results]) < 12.5
+
+
+def test_without_a_reference_rmse_is_null(tmp_path, capsys):
+    path = write_csv(tmp_path / "blind.csv", turning(), "gam")
+    assert main([path, "--json", "-"]) == 0
+    written = capsys.readouterr()
+    assert json.loads(written.out)["results"][0]["rmse_deg"] is None
+    assert "evaluate: blind has no reference, so its errors are unknown" in written.err
+    assert main([path]) == 0
+    assert capsys.readouterr().out.splitlines()[1].split()[5:8] == ["-", "-", "-"]
+
+
+def test_six_axes_are_scored_and_the_heading_explained(tmp_path, capsys):
+    path = write_csv(tmp_path / "six.csv", turning(), "gaq")
+    assert main([path]) == 0
+    written = capsys.readouterr()
+    assert "six has no magnetometer samples" in written.err
+    assert float(written.out.splitlines()[1].split()[7]) < 0.05  # inclination needs none
+
+
+def test_samples_that_are_not_finite_cost_nothing_but_themselves(tmp_path, capsys):
+    recording = turning()
+    recording.gyro[100] = recording.accel[150] = recording.mag[200] = np.nan
+    recording.reference[:50] = np.nan
+    (result,) = results_of(capsys, write_csv(tmp_path / "holes.csv", recording))
+    # One held rate of 1 rad/s that wanders by 0.01 rad/s in the sample.
+    assert result["rmse_deg"]["total"] < 0.1
+    assert result["samples"] == 300
+
+
+def test_a_reference_at_its_own_rate_is_brought_to_the_samples():
+    recording = turning()
+    slow = replace(
+        recording,
+        reference_stamps=recording.stamps[::7] + 0,
+        reference=recording.reference[::7],
+    )
+    found = score(prepare(slow), "stateful", Settings()).rmse.total
+    exact = score(prepare(recording), "stateful", Settings()).rmse.total
+    # 1 rad/s that turns by 1 rad/s within 70 ms bends by 0.07²/8 rad.
+    assert found == pytest.approx(exact, abs=math.degrees(0.07**2 / 8.0))
+
+
+def test_a_sample_that_every_filter_skips_is_not_scored():
+    recording = turning()
+    stamps = recording.stamps.copy()
+    stamps[200] = stamps[199]
+    wrong = recording.reference.copy()
+    wrong[200] = (0.0, 1.0, 0.0, 0.0)
+    trial = prepare(replace(recording, stamps=stamps, mag_stamps=stamps, reference=wrong))
+    assert not trial.truth.counts[200]
+    assert trial.truth.counts.sum() == 299
+
+
+def test_alpha_is_for_each_sample_when_its_rate_is_zero(table, capsys):
+    run = filters.make("paper", Settings(alpha=0.9, alpha_rate=0.0))
+    expected = prepare(turning())
+    rotors = WorldFrame("enu").all(run.run(expected.samples))
+    (result,) = results_of(
+        capsys, table, "--filters", "paper", "--alpha", "0.9", "--alpha-rate", "0"
+    )
+    total = scoring.rmse_deg(rotors, expected.truth).total
+    assert result["rmse_deg"]["total"] == pytest.approx(total, rel=1e-9)
+    settings = Settings(alpha=0.9, alpha_rate=0.0)
+    assert time_constant(settings, expected.samples) == pytest.approx(-0.01 / math.log(0.9))
+
+
+def test_compiling_is_not_counted_as_time_of_the_filter(monkeypatch):
+    now = 0.0
+
+    class Slow:
+        """Takes 100 s to compile and 1 s to run."""
+
+        compiled = False
+
+        def run(self, samples):
+            nonlocal now
+            now += 1.0 if self.compiled else 100.0
+            self.compiled = True
+            return np.tile(IDENTITY, (len(samples), 1))
+
+    monkeypatch.setitem(filters.FILTERS, "slow", lambda settings: Slow())
+    monkeypatch.setattr(scoring.time, "perf_counter", lambda: now)
+    result = score(prepare(turning(100)), "slow", Settings())
+    assert result.ns_per_sample == pytest.approx(1e9 / 100)
+
+
+def test_sign_flips_are_those_of_the_filters_rotors(monkeypatch):
+    class Flipping:
+        def run(self, samples):
+            rotors = np.tile(IDENTITY, (len(samples), 1))
+            rotors[10:20] *= -1.0
+            return rotors
+
+    monkeypatch.setitem(filters.FILTERS, "flipping", lambda settings: Flipping())
+    assert score(prepare(turning()), "flipping", Settings()).sign_flips == 2
+
+
+# Sweeps
+
+
+def test_a_sweep_has_its_ends_exactly_and_equal_ratios_of_1_minus_alpha():
+    values = sweep("0.9:0.9999:30")
+    rest = 1.0 - np.array(values)
+    assert (values[0], values[-1], len(values)) == (0.9, 0.9999, 30)
+    assert rest[1:] / rest[:-1] == pytest.approx(np.full(29, (1e-4 / 0.1) ** (1 / 29)), rel=1e-9)
+
+
+def test_a_sweep_may_run_down_and_from_zero():
+    assert sweep("0.9:0:2") == [0.9, 0.0]
+
+
+def test_a_sweep_gives_each_filter_each_alpha(table, capsys):
+    found = results_of(capsys, table, "--filters", "stateful,paper", "--alpha", "0.9:0.999:3")
+    assert [(result["filter"], result["alpha"]) for result in found] == [
+        (name, alpha) for name in ("stateful", "paper") for alpha in sweep("0.9:0.999:3")
+    ]
+
+
+# Bad recordings: exit code 1, and the others are still evaluated
+
+
+def test_a_bad_recording_is_named_and_the_others_are_still_evaluated(table, tmp_path, capsys):
+    assert main(["absent.mat", table]) == 1
+    written = capsys.readouterr()
+    assert written.err == "evaluate: absent.mat: no such file or folder.\n"
+    assert written.out.splitlines()[1].startswith("turning ")
+
+
+def test_json_is_written_even_if_no_recording_could_be_used(tmp_path, capsys):
+    assert main(["absent.mat", "--json", "-"]) == 1
+    assert json.loads(capsys.readouterr().out) == {"results": []}
+
+
+def test_a_recording_of_nan_is_refused_with_a_sentence(tmp_path, capsys):
+    recording = turning(30)
+    recording.accel[:] = np.nan
+    assert main([write_csv(tmp_path / "nothing.csv", recording)]) == 1
+    assert capsys.readouterr().err == (
+        "evaluate: nothing: none of its 30 IMU samples has finite rates and accelerations.\n"
+    )
+
+
+def test_a_recording_without_samples_is_refused():
+    empty = turning(0)
+    shaped = replace(empty, gyro=np.empty((0, 3)), accel=np.empty((0, 3)), mag=np.empty((0, 3)))
+    with pytest.raises(RecordingError, match="none of its 0 IMU samples"):
+        prepare(replace(shaped, reference_stamps=None, reference=None))
+
+
+def test_a_reference_of_another_time_is_refused_with_both_times():
+    recording = turning()
+    late = recording.stamps + 60 * 10**9
+    with pytest.raises(RecordingError, match=r"from 1\.000 to 3\.990 s .* from 61\.000 to 63\.990"):
+        prepare(replace(recording, reference_stamps=late))
+
+
+def test_a_reference_that_is_never_known_is_refused():
+    recording = turning()
+    with pytest.raises(RecordingError, match="none of the 300 rotors of its reference is finite"):
+        prepare(replace(recording, reference=np.full((300, 4), np.nan)))
+
+
+def test_a_reference_that_never_counts_is_refused():
+    with pytest.raises(RecordingError, match="unknown in all the phases that count"):
+        prepare(replace(turning(), movement=np.zeros(300, bool)))
+
+
+def test_loops_that_cannot_be_matched_are_refused():
+    recording = turning()
+    looped = np.concatenate([recording.stamps[:150], recording.stamps[:150]])
+    received = recording.stamps
+    with pytest.raises(RecordingError, match=r"jump back 1 times .* reference 0 times"):
+        prepare(
+            replace(
+                recording,
+                stamps=looped,
+                received=received,
+                mag_received=received,
+                reference_received=received,
+            )
+        )
+
+
+# Usage: exit code 2
+
+
+@pytest.mark.parametrize(
+    ("argv", "sentence"),
+    [
+        ([], "the following arguments are required: RECORDING"),
+        (["x.csv", "--speed", "9"], "unrecognized arguments: --speed 9"),
+        (["x.csv", "--filters", "stateful,madgwick"], "there is no filter 'madgwick'; there are "),
+        (["x.csv", "--filters", ","], "--filters needs a name: stateful, "),
+        (["x.csv", "--alpha", "1.2"], "alpha must be between 0 and 1, got 1.2."),
+        (["x.csv", "--alpha", "nan"], "alpha must be between 0 and 1, got nan."),
+        (["x.csv", "--alpha", "high"], "--alpha must be a number or START:STOP:COUNT"),
+        (["x.csv", "--alpha", "0.9:0.99"], "--alpha must be a number or START:STOP:COUNT"),
+        (["x.csv", "--alpha", "0.9:1:9"], "a sweep of alpha goes from 0 to below 1"),
+        (["x.csv", "--alpha", "nan:0.9:9"], "a sweep of alpha goes from 0 to below 1"),
+        (["x.csv", "--alpha", "0.9:0.99:1"], "a sweep of alpha has 2 to 1000 values"),
+        (["x.csv", "--alpha", "0.9:0.99:1000000"], "a sweep of alpha has 2 to 1000 values"),
+        (["x.csv", "--alpha-rate", "-1"], "alpha_rate must be between 0"),
+        (["x.csv", "--alpha-rate", "nan"], "alpha_rate must be between 0"),
+        (["x.csv", "--alpha-rate", "often"], "argument --alpha-rate: invalid float value: 'often'"),
+        (["x.csv", "--json", "no/such/x.json"], "--json no/such/x.json: there is no folder"),
+        (["x.csv", "--json", "."], "--json . is a folder"),
+        (["x.csv", "--plot", "x.gif"], "--plot x.gif: the name must end in .png, .svg, .pdf."),
+        (["x.csv", "--plot", "x.png", "--alpha", "0.9:0.99:3"], "--plot draws one alpha"),
+    ],
+)
+def test_wrong_usage_is_one_sentence_and_exit_code_2(argv, sentence, capsys):
+    assert main(argv) == 2
+    written = capsys.readouterr()
+    assert written.err.startswith(f"evaluate: {sentence}")
+    assert written.err.count("\n") == 1
+    assert written.err.endswith(".\n")
+    assert written.out == ""
+
+
+def test_every_filter_that_exists_is_named_when_one_does_not(capsys):
+    assert main(["x.csv", "--filters", "nope"]) == 2
+    sentence = capsys.readouterr().err
+    assert all(name in sentence for name in filters.FILTERS)
+
+
+def test_a_file_that_cannot_be_written_is_one_sentence(table, tmp_path, capsys):
+    if not Path("/dev/full").exists():
+        pytest.skip("no /dev/full here")
+    assert main([table, "--json", "/dev/full"]) == 1
+    assert capsys.readouterr().err == (
+        "evaluate: /dev/full cannot be written: No space left on device.\n"
+    )
+
+
+def test_a_bad_sweep_raises_before_any_work():
+    with pytest.raises(UsageError):
+        sweep("0.9:0.99:two")
+
+
+# What is printed
+
+
+def result(**fields) -> Result:
+    given = {
+        "recording": "01_a_long_name_for_a_recording_of_a_day_in_the_field",
+        "filter": "paper_stateless",
+        "alpha": 0.9991670,
+        "time_constant": 12.0,
+        "samples": 57000,
+        "rmse": Rmse(10.0, 6.0, 8.0),
+        "sign_flips": 3,
+        "ns_per_sample": 61.5,
+    }
+    return Result(**{**given, **fields})
+
+
+def test_a_pipe_gets_a_plain_line_for_each_result_and_nothing_shortened(table):
+    environment = {**os.environ, "COLUMNS": "30", "PYTHONPATH": str(ROOT)}
+    command = "import sys; from stateful_ahrs.evaluation.evaluate import main; sys.exit(main())"
+    done = subprocess.run(
+        [sys.executable, "-c", command, table, "--filters", "paper,paper_stateless"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    header, *rows = done.stdout.splitlines()
+    assert header.split() == [
+        *("recording", "filter", "alpha", "tau", "(s)", "samples"),
+        *("total", "heading", "inclination", "flips", "ns/sample"),
+    ]
+    assert [row.split()[:5] for row in rows] == [
+        ["turning", "paper", "0.9967", "3.025", "300"],
+        ["turning", "paper_stateless", "0.9967", "3.025", "300"],
+    ]
+    assert all(len(row.split()) == 10 for row in rows)
+    assert done.stdout.isascii()
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize("columns", [40, 90, 110, 300])
+def test_a_terminal_of_any_width_loses_no_digit(columns, monkeypatch):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    monkeypatch.setenv("TERM", "dumb")
+    terminal = Terminal()
+    write_table([result(), result(filter="paper")], terminal)
+    shown = terminal.getvalue()
+    assert "…" not in shown
+    assert "paper_stateless  0.999167       12    57000  10.00     6.00" in shown
+    assert "inclination  flips  ns/sample" in shown
+
+
+def test_several_recordings_have_a_mean_for_each_filter_and_alpha(capsys):
+    results = [
+        result(recording="a", filter="paper", rmse=Rmse(10.0, 6.0, 8.0)),
+        result(recording="a", filter="stateful", rmse=Rmse(1.0, 1.0, 1.0)),
+        result(recording="b", filter="paper", rmse=Rmse(20.0, 7.0, 9.0), sign_flips=0),
+        result(recording="b", filter="stateful", rmse=Rmse(2.0, 2.0, 2.0)),
+    ]
+    write_table(results, sys.stdout)
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 1 + 4 + 2
+    cells = lines[5].split()
+    assert cells[:4] == ["mean", "of", "2", "paper"]
+    assert cells[7:] == ["15.00", "6.50", "8.50", "1.5", "62"]
+
+
+def test_the_mean_leaves_out_recordings_without_a_reference(capsys):
+    names = ["a", "b", "c"]
+    results = [result(recording=name, rmse=Rmse(4.0, 4.0, 4.0)) for name in names]
+    write_table([*results, result(recording="blind", rmse=None)], sys.stdout)
+    assert capsys.readouterr().out.splitlines()[-1].startswith("mean of 3 ")
+
+
+def test_one_recording_has_no_mean(table, capsys):
+    assert main([table]) == 0
+    assert "mean" not in capsys.readouterr().out
+
+
+def test_json_on_stdout_stands_alone(table, capsys):
+    assert main([table, "--json", "-"]) == 0
+    written = capsys.readouterr()
+    json.loads(written.out)
+    assert written.err.startswith("recording ")
+
+
+def test_json_in_a_file_is_that_of_stdout(table, tmp_path, capsys):
+    target = tmp_path / "out.json"
+    assert main([table, "--json", str(target)]) == 0
+    written = capsys.readouterr()
+    assert written.out.startswith("recording ")
+    (found,) = json.loads(target.read_text())["results"]
+    (other,) = results_of(capsys, table)
+    found["ns_per_sample"] = other["ns_per_sample"]
+    assert found == other
+
+
+def test_json_keeps_alpha_as_it_is():
+    alpha = 0.9 + 1e-15
+    assert as_json([result(alpha=alpha)])["results"][0]["alpha"] == alpha
+
+
+def test_recordings_of_one_name_are_told_apart(tmp_path, capsys):
+    paths = []
+    for folder in ("monday", "tuesday"):
+        (tmp_path / folder).mkdir()
+        paths.append(write_csv(tmp_path / folder / "walk.csv", turning(50)))
+    names = [found["recording"] for found in results_of(capsys, *paths)]
+    assert names == ["walk", paths[1]]
+
+
+@pytest.mark.parametrize(
+    ("alpha", "shown"),
+    [(0.0, "0"), (0.5, "0.5"), (0.999167, "0.999167"), (0.99999999, "0.99999999"), (1.0, "1")],
+)
+def test_alpha_is_shown_with_the_digits_that_tell_it_from_one(alpha, shown):
+    assert short_alpha(alpha) == shown
+
+
+# The figure
+
+
+@pytest.mark.parametrize(
+    ("suffix", "begins"), [("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF")]
+)
+def test_a_plot_is_drawn_in_the_form_of_its_suffix(suffix, begins, table, tmp_path):
+    pytest.importorskip("matplotlib")
+    target = tmp_path / f"figure.{suffix}"
+    assert main([table, "--filters", "all", "--plot", str(target)]) == 0
+    assert target.read_bytes().startswith(begins)
+
+
+def test_the_same_plot_is_the_same_file(table, tmp_path):
+    pytest.importorskip("matplotlib")
+    files = [tmp_path / "one.svg", tmp_path / "two.svg"]
+    for file in files:
+        assert main([table, "--plot", str(file)]) == 0
+    assert files[0].read_bytes() == files[1].read_bytes()
+
+
+def test_a_plot_names_its_filters_with_their_errors(table, tmp_path, capsys):
+    matplotlib = pytest.importorskip("matplotlib")
+    target = tmp_path / "figure.svg"
+    with matplotlib.rc_context({"svg.fonttype": "none"}):
+        assert main([table, "--filters", "stateful,paper_stateless", "--plot", str(target)]) == 0
+    drawn = target.read_text()
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()[1:]]
+    for row in rows:
+        assert f"{row[1]}  {float(row[5]):.1f}°" in drawn
+
+
+@pytest.mark.parametrize("rows", [1, 2, 40])
+def test_short_and_blind_recordings_are_drawn_too(rows, tmp_path):
+    pytest.importorskip("matplotlib")
+    paths = [
+        write_csv(tmp_path / "short.csv", turning(rows)),
+        write_csv(tmp_path / "blind.csv", turning(rows), "ga"),
+    ]
+    assert main([*paths, "--plot", str(tmp_path / "figure.png")]) == 0
+    assert (tmp_path / "figure.png").stat().st_size > 1000
+
+
+def test_labels_are_moved_apart_as_little_as_need_be():
+    pytest.importorskip("matplotlib")
+    from stateful_ahrs.evaluation.figure import apart
+
+    assert apart([0.1, 0.5, 0.9], 0.1) == pytest.approx([0.1, 0.5, 0.9])
+    assert apart([0.5, 0.5], 0.1) == pytest.approx([0.45, 0.55])
+    assert apart([0.0, 0.0, 0.9], 0.1) == pytest.approx([0.0, 0.1, 0.9])
+    assert apart([0.9, 1.0, 1.0], 0.1) == pytest.approx([0.8, 0.9, 1.0])
