@@ -243,10 +243,10 @@ def test_sign_flips_are_those_of_the_filters_rotors(monkeypatch):
 
 
 def test_a_sweep_has_its_ends_exactly_and_equal_ratios_of_1_minus_alpha():
-    values = sweep("0.9:0.9999:30")
+    values = sweep("0.1:0.9999:30")  # 1 - (1 - 0.1) is not 0.1
     rest = 1.0 - np.array(values)
-    assert (values[0], values[-1], len(values)) == (0.9, 0.9999, 30)
-    assert rest[1:] / rest[:-1] == pytest.approx(np.full(29, (1e-4 / 0.1) ** (1 / 29)), rel=1e-9)
+    assert (values[0], values[-1], len(values)) == (0.1, 0.9999, 30)
+    assert rest[1:] / rest[:-1] == pytest.approx(np.full(29, (1e-4 / 0.9) ** (1 / 29)), rel=1e-9)
 
 
 def test_a_sweep_may_run_down_and_from_zero():
@@ -398,18 +398,24 @@ def result(**fields) -> Result:
     return Result(**{**given, **fields})
 
 
-def test_a_pipe_gets_a_plain_line_for_each_result_and_nothing_shortened(table):
+def run(*argv: str, stdout: int = subprocess.PIPE) -> subprocess.Popen[str]:
+    """The command as a process of its own."""
     environment = {**os.environ, "COLUMNS": "30", "PYTHONPATH": str(ROOT)}
     command = "import sys; from stateful_ahrs.evaluation.evaluate import main; sys.exit(main())"
-    done = subprocess.run(
-        [sys.executable, "-c", command, table, "--filters", "paper,paper_stateless"],
+    return subprocess.Popen(
+        [sys.executable, "-c", command, *argv],
         env=environment,
-        capture_output=True,
+        stdout=stdout,
+        stderr=subprocess.PIPE,
         text=True,
-        timeout=120,
     )
-    assert (done.returncode, done.stderr) == (0, "")
-    header, *rows = done.stdout.splitlines()
+
+
+def test_a_pipe_gets_a_plain_line_for_each_result_and_nothing_shortened(table):
+    process = run(table, "--filters", "paper,paper_stateless")
+    out, err = process.communicate(timeout=120)
+    assert (process.returncode, err) == (0, "")
+    header, *rows = out.splitlines()
     assert header.split() == [
         *("recording", "filter", "alpha", "tau", "(s)", "samples"),
         *("total", "heading", "inclination", "flips", "ns/sample"),
@@ -419,7 +425,30 @@ def test_a_pipe_gets_a_plain_line_for_each_result_and_nothing_shortened(table):
         ["turning", "paper_stateless", "0.9967", "3.025", "300"],
     ]
     assert all(len(row.split()) == 10 for row in rows)
-    assert done.stdout.isascii()
+    assert out.isascii()
+
+
+@pytest.mark.parametrize("options", [[], ["--json", "-"]])
+def test_a_reader_that_leaves_ends_it_quietly(options, table):
+    read, write = os.pipe()
+    os.close(read)
+    process = run(table, *options, stdout=write)
+    os.close(write)
+    err = process.communicate(timeout=120)[1]
+    assert "Traceback" not in err
+    assert "Broken" not in err
+
+
+def test_a_full_disk_behind_stdout_is_one_sentence(table):
+    if not Path("/dev/full").exists():
+        pytest.skip("no /dev/full here")
+    with open("/dev/full", "w") as full:
+        process = run(table, stdout=full.fileno())
+        err = process.communicate(timeout=120)[1]
+    assert err.splitlines()[0] == (
+        "evaluate: standard output cannot be written: No space left on device."
+    )
+    assert "Traceback" not in err
 
 
 class Terminal(io.StringIO):

@@ -92,7 +92,10 @@ def test_a_damaged_part_is_told_when_it_is_reached(tmp_path: Path):
     data[begin : begin + 4096] = bytes(4096)
     path.write_bytes(data)
     events = []
-    with open_bag(path.parent) as bag, pytest.raises(RecordingError, match=r"^bag is (damaged|cut short)"):
+    with (
+        open_bag(path.parent) as bag,
+        pytest.raises(RecordingError, match=r"^bag is (damaged|cut short)"),
+    ):
         for event in bag.events(bag.topics):
             events.append(event)  # noqa: PERF402 (what came before the damage)
     assert 1000 < len(events) < 8000
@@ -101,7 +104,10 @@ def test_a_damaged_part_is_told_when_it_is_reached(tmp_path: Path):
 def test_a_bag_without_messages_is_refused(tmp_path: Path):
     with Bag(tmp_path / "bag") as bag:
         bag.topic("/imu", IMU)
-    with pytest.raises(RecordingError, match=r"^bag has no messages\.$"), open_bag(tmp_path / "bag"):
+    with (
+        pytest.raises(RecordingError, match=r"^bag has no messages\.$"),
+        open_bag(tmp_path / "bag"),
+    ):
         pass
 
 

@@ -22,6 +22,7 @@ from .score import Result, Trial, prepare, score
 from .table import as_json, write_table
 
 LONGEST_SWEEP = 1000
+STDOUT = "standard output"
 EPILOG = """\
 total, heading and inclination are root mean square errors in degrees, by BROAD's metric: nothing
 is aligned, and only rows with a known reference count (in BROAD, those in motion). Sign flips
@@ -182,15 +183,22 @@ def _evaluate(job: Job) -> int:
         if job.plot:
             trials.append(trial)
     if job.json:
-        _write_json(results, job.json)
+        text = json.dumps(as_json(results), indent=2, allow_nan=False) + "\n"
+        with _written(job.json if job.json != "-" else STDOUT):
+            if job.json == "-":
+                sys.stdout.write(text)
+                sys.stdout.flush()
+            else:
+                Path(job.json).write_text(text)
     if results:
-        write_table(results, sys.stderr if job.json == "-" else sys.stdout)
+        with _written(STDOUT):
+            write_table(results, sys.stderr if job.json == "-" else sys.stdout)
+            sys.stdout.flush()
     if job.plot and trials:
         from .figure import draw
 
         with bar(f"drawing {job.plot.name}"), _written(job.plot):
             draw(trials, job.filters, job.settings[0], job.plot)
-    sys.stdout.flush()
     return failed
 
 
@@ -211,18 +219,11 @@ def _say(sentence: object) -> None:
     print(f"evaluate: {sentence}", file=sys.stderr, flush=True)
 
 
-def _write_json(results: Sequence[Result], target: str) -> None:
-    text = json.dumps(as_json(results), indent=2, allow_nan=False)
-    if target == "-":
-        print(text)
-    else:
-        with _written(Path(target)):
-            Path(target).write_text(text + "\n")
-
-
 @contextmanager
-def _written(path: Path) -> Iterator[None]:
+def _written(name: Path | str) -> Iterator[None]:
     try:
         yield
+    except BrokenPipeError:
+        raise
     except OSError as error:
-        raise AhrsError(f"{path} cannot be written: {error.strerror or error}.") from None
+        raise AhrsError(f"{name} cannot be written: {error.strerror or error}.") from None

@@ -42,7 +42,9 @@ class Tally:
     @property
     def rate(self) -> float:
         """Orientations per second of their stamps; 0 before the second."""
-        return 0.0 if self.samples < 2 else (self.samples - 1) * 1e9 / max(self._last - self._first, 1)
+        return (
+            0.0 if self.samples < 2 else (self.samples - 1) * 1e9 / max(self._last - self._first, 1)
+        )
 
     @property
     def lost(self) -> int:

@@ -75,7 +75,10 @@ def write_table(results: Sequence[Result], file: TextIO) -> None:
     if framed:  # names of recordings may be folded
         needed -= max(0, max(len(result.recording) for result in results) - FOLDED)
         needed = max(needed, console.width)
-    Console(file=file, width=needed, height=console.height).print(table)
+    console = Console(file=file, width=needed, height=console.height)
+    with console.capture() as shown:
+        console.print(table)
+    file.write(shown.get())
 
 
 def _cells(result: Result) -> list[str]:

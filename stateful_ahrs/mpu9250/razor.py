@@ -12,7 +12,7 @@ import math
 import re
 
 from ..rotor import Vector
-from .burst import FULL_SCALE, HIGHEST, LOWEST, STANDARD_GRAVITY, Reading
+from .burst import AXES, FULL_SCALE, HIGHEST, LOWEST, STANDARD_GRAVITY, Reading
 from .protocols import Clock, LineParser, Magnetometer, Record, Steps, plausible
 
 SEPARATOR = b", "
@@ -24,7 +24,7 @@ FURTHER = re.compile(rb"-?\d{1,10}(\.\d{1,4})?|nan|inf|-inf")  # a quaternion, a
 MAG_COUNTS = 6.665e6  # a tesla, in the firmware
 GYRO_COUNTS = 16.4  # a °/s at ±2000 °/s
 ACCEL_FULL = 2.0  # g
-NAMES = ("accel x", "accel y", "accel z", "gyro x", "gyro y", "gyro z")
+GYRO_FULL = 1997.9  # °/s
 Layout = tuple[int, bool, bool]  # of a line: fields, whether it has the time, whether raw counts
 
 
@@ -78,13 +78,14 @@ class RazorParser(LineParser):
         """What the fields are; None if they are no sample."""
         if not all(map(FURTHER.fullmatch, fields)):
             return None
-        timed = len(fields) > VALUES and TIME.fullmatch(fields[0]) is not None
-        values = fields[timed : timed + VALUES]
-        if len(values) == VALUES:
-            if all(map(MEASURED.fullmatch, values)):
-                return len(fields), timed, False
-            if all(map(COUNT.fullmatch, values)):
-                return len(fields), timed, True
+        for timed in (True, False):
+            values, further = fields[timed : timed + VALUES], fields[timed + VALUES :]
+            if len(values) == VALUES and (not timed or TIME.fullmatch(fields[0])):
+                if all(map(MEASURED.fullmatch, values)):
+                    return len(fields), timed, False
+                # of raw counts only a quaternion can follow, so that the time is not taken for one
+                if all(map(COUNT.fullmatch, values)) and sum(b"." not in n for n in further) in (0, 4):
+                    return len(fields), timed, True
         self.complaint = (
             f"its lines have {len(fields)} fields. Switch on the accelerometer, the gyroscope and "
             "the magnetometer at the board: keys a, g, m in a terminal."
@@ -107,15 +108,13 @@ class RazorParser(LineParser):
 
     @staticmethod
     def _saturated(raw: bool, values: tuple[float, ...]) -> tuple[str, ...]:
-        """The axes at the end of their range: at the counts' ends, or so many decimals show it."""
+        """The axes at the end of their range, as far as two decimals show it."""
         if raw:
-            return tuple(n for n, v in zip(NAMES, values, strict=True) if v in (LOWEST, HIGHEST))
-        ends = (ACCEL_FULL,) * 3 + (FULL_SCALE / GYRO_COUNTS - 0.1,) * 3
-        return tuple(
-            name
-            for name, value, end in zip(NAMES, values, ends, strict=True)
-            if abs(value) == end or (end > ACCEL_FULL and abs(value) >= end)
-        )
+            full = [value in (LOWEST, HIGHEST) for value in values]
+        else:
+            full = [abs(value) == ACCEL_FULL for value in values[:3]]
+            full += [abs(value) >= GYRO_FULL for value in values[3:]]
+        return tuple(axis for axis, at_end in zip(AXES, full, strict=True) if at_end)
 
 
 def _goes_on(line: tuple[Layout, int] | None, layout: Layout, ticks: int) -> bool:

@@ -14,16 +14,25 @@ from geometry_msgs.msg import QuaternionStamped
 from graph import Graph, nanoseconds, until
 from sensor_msgs.msg import Imu, MagneticField
 
-from stateful_ahrs.rotor import Rotor, difference, dot
+from stateful_ahrs.filters.frames import WorldFrame
+from stateful_ahrs.rotor import Rotor, conjugate, difference, dot, product
 
 
 def rotor_of(quaternion: Any) -> Rotor:
     return (quaternion.w, quaternion.x, quaternion.y, quaternion.z)
 
 
-def errors_deg(orientations: list[Imu], truth: list[QuaternionStamped]) -> np.ndarray:
-    """Errors where both have the same stamp, in the order of the stamps."""
-    true = {nanoseconds(message): rotor_of(message.quaternion) for message in truth}
+ENU = WorldFrame("enu")
+
+
+def errors_deg(
+    orientations: list[Imu], truth: list[QuaternionStamped], world: WorldFrame = ENU
+) -> np.ndarray:
+    """Errors of orientations in a world frame where the truth (ENU) has the same stamp."""
+    from_enu = product(world.rotor, conjugate(ENU.rotor))
+    true = {
+        nanoseconds(message): product(from_enu, rotor_of(message.quaternion)) for message in truth
+    }
     return np.array(
         [
             math.degrees(difference(rotor_of(message.orientation), true[nanoseconds(message)]))

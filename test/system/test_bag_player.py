@@ -99,9 +99,7 @@ def test_topics_can_be_moved_and_what_was_played_outlasts_the_player(graph: Grap
     until(lambda: len(heard) == len(field) == len(truth) == count, "all messages")
 
 
-def test_a_type_that_is_not_installed_is_named_and_the_rest_is_played(
-    graph: Graph, tmp_path: Path
-):
+def test_a_type_that_is_not_installed_is_named_and_the_rest_is_played(graph: Graph, tmp_path: Path):
     types = get_typestore(Stores.ROS2_JAZZY)
     types.register(get_types_from_msg("float64 knots", "sail_msgs/msg/Wind"))
     wind = types.types["sail_msgs/msg/Wind"](knots=5.0)
