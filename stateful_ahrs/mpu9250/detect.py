@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from ..errors import UsageError
 from .frame import FrameParser
@@ -52,35 +52,19 @@ class EitherParser:
         return said[0] if len(said) == 1 else ""
 
 
-def _rt_usb() -> EitherParser:
-    return EitherParser({"rt_usb text": RtUsbTextParser(), "rt_usb binary": RtUsbBinaryParser()})
-
-
-def _auto() -> EitherParser:
-    return EitherParser(
-        {
-            "frame": FrameParser(),
-            "razor": RazorParser(),
-            "rt_usb text": RtUsbTextParser(),
-            "rt_usb binary": RtUsbBinaryParser(),
-        }
-    )
-
-
-PROTOCOLS: dict[str, Callable[[], EitherParser]] = {
-    "auto": _auto,
-    "frame": lambda: EitherParser({"frame": FrameParser()}),
-    "razor": lambda: EitherParser({"razor": RazorParser()}),
-    "rt_usb": _rt_usb,
+PARSERS: dict[str, Callable[[], Parser]] = {
+    "frame": FrameParser,
+    "razor": RazorParser,
+    "rt_usb text": RtUsbTextParser,
+    "rt_usb binary": RtUsbBinaryParser,
 }
+PROTOCOLS = ("auto", "frame", "razor", "rt_usb")
 
 
 def parser(protocol: str) -> EitherParser:
     """A parser for the protocol of this name; `UsageError` if there is none."""
-    try:
-        return PROTOCOLS[protocol]()
-    except KeyError:
-        known: Sequence[str] = list(PROTOCOLS)
-        raise UsageError(
-            f"protocol must be one of {', '.join(known)}, got {protocol!r}."
-        ) from None
+    if protocol not in PROTOCOLS:
+        raise UsageError(f"protocol must be one of {', '.join(PROTOCOLS)}, got {protocol!r}.")
+    return EitherParser(
+        {name: make() for name, make in PARSERS.items() if protocol in ("auto", name.split()[0])}
+    )

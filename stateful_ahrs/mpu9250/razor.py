@@ -84,7 +84,10 @@ class RazorParser(LineParser):
                 if all(map(MEASURED.fullmatch, values)):
                     return len(fields), timed, False
                 # of raw counts only a quaternion can follow, so that the time is not taken for one
-                if all(map(COUNT.fullmatch, values)) and sum(b"." not in n for n in further) in (0, 4):
+                if all(map(COUNT.fullmatch, values)) and sum(b"." not in n for n in further) in (
+                    0,
+                    4,
+                ):
                     return len(fields), timed, True
         self.complaint = (
             f"its lines have {len(fields)} fields. Switch on the accelerometer, the gyroscope and "

@@ -64,7 +64,7 @@ class Graph:
         self.context.try_shutdown()
 
     def start(self, name: str, *arguments: str, **parameters: object) -> Process:
-        """Start an executable; it ends with the graph."""
+        """Start a node; it ends with the graph."""
         ros = ["--ros-args"] if parameters else []
         for key, value in parameters.items():
             ros += ["-p", f"{key}:={str(value).lower() if isinstance(value, bool) else value}"]
@@ -106,14 +106,12 @@ class Graph:
 
 
 class Process:
-    """An executable of the package, run by the interpreter of the test."""
+    """A node of the package, run by the interpreter of the test."""
 
     def __init__(self, name: str, arguments: list[str], environment: dict[str, str]) -> None:
-        modules = {"convert": "recordings", "evaluate": "evaluation"}
-        module = f"stateful_ahrs.{modules.get(name, 'nodes')}.{name}"
         self.name = name
         self._process = subprocess.Popen(
-            [sys.executable, "-m", module, *arguments],
+            [sys.executable, "-m", f"stateful_ahrs.nodes.{name}", *arguments],
             env=environment,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
