@@ -20,6 +20,7 @@ IDENTITY: Rotor = (1.0, 0.0, 0.0, 0.0)
 BETA = 0.351  # of eq. 19
 COARSE = math.cos(math.radians(6.0) / 2.0)
 
+
 def dot(p: Rotor, q: Rotor) -> float:
     """Inner product: how near two rotors are, with their signs (eq. 3)."""
     return p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import pytest
@@ -70,7 +71,7 @@ def test_the_first_rotor_has_w_of_at_least_zero(q):
 def test_published_rotors_never_flip_sign(rotors):
     world = WorldFrame("ned", 0.3)
     published = [world.update(negative(q) if flip else q) for q, flip in rotors]
-    for p, q in zip(published, published[1:], strict=False):
+    for p, q in itertools.pairwise(published):
         assert dot(p, q) >= 0.0
 
 

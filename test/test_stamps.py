@@ -34,7 +34,8 @@ def test_a_late_sample_is_skipped_and_the_step_after_it_spans_it():
 
 
 @pytest.mark.parametrize(
-    ("jump", "kind"), [(-2 * SECOND, "jumps_back"), (2 * SECOND, "gaps"), (-START + 1, "jumps_back")]
+    ("jump", "kind"),
+    [(-2 * SECOND, "jumps_back"), (2 * SECOND, "gaps"), (-START + 1, "jumps_back")],
 )
 def test_a_jump_starts_anew_from_the_sample_after_it(jump, kind):
     gate, found = fed(START, START + PERIOD, START + jump, START + jump + PERIOD)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -19,7 +20,7 @@ from stateful_ahrs.filters.samples import Samples
 from stateful_ahrs.filters.stateful import StatefulFilter
 from stateful_ahrs.mpu9250.motion import MOTIONS
 from stateful_ahrs.recordings import samples as samples_of
-from stateful_ahrs.rotor import IDENTITY, conjugate, difference, follow, from_axis_angle
+from stateful_ahrs.rotor import IDENTITY, difference, follow, from_axis_angle
 from stateful_ahrs.snapshot.dcm import dcm
 
 RATE = 100
@@ -33,9 +34,7 @@ def figure_1(n=(1.0, 2.0, 3.0), count=720):
     """Two turns about (1, 2, 3), from −2π to 2π (Figure 1's motion)."""
     length = math.sqrt(sum(x * x for x in n))
     axis = tuple(x / length for x in n)
-    return [
-        from_axis_angle(axis, 2 * math.pi * (2 * i / count - 1)) for i in range(count + 1)
-    ]
+    return [from_axis_angle(axis, 2 * math.pi * (2 * i / count - 1)) for i in range(count + 1)]
 
 
 def figure_7(count=720):
@@ -67,7 +66,7 @@ def largest_step(rotors):
 
 def motion_step(attitudes):
     """The largest step that an element may make: half the angle between neighbours."""
-    return max(difference(p, q) for p, q in zip(attitudes, attitudes[1:], strict=False)) / 2
+    return max(difference(p, q) for p, q in itertools.pairwise(attitudes)) / 2
 
 
 @pytest.mark.parametrize("attitudes", [figure_1(), figure_7()], ids=["figure 1", "figure 7"])
@@ -368,9 +367,7 @@ def test_settings_apply_from_the_next_sample():
 def test_what_makes_a_filter_the_papers_outlives_new_settings():
     f = filters.make("paper_stateless")
     f.settings = Settings(alpha=0.5)
-    assert f.settings == Settings(
-        alpha=0.5, stateful=False, normalise=False, average_start=False
-    )
+    assert f.settings == Settings(alpha=0.5, stateful=False, normalise=False, average_start=False)
 
 
 @pytest.mark.parametrize("alpha", [-0.1, 1.2, math.nan, math.inf])

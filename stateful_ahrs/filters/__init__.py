@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Protocol
+from typing import Any, Protocol
 
 from ..errors import UsageError
 from ..rotor import Rotor, Vector
@@ -41,7 +41,7 @@ class Filter(Protocol):
         """What /diagnostics shows."""
 
 
-AS_IN_THE_PAPER = {"normalise": False, "average_start": False}
+AS_IN_THE_PAPER: dict[str, Any] = {"normalise": False, "average_start": False}
 
 FILTERS: dict[str, Callable[[Settings], Filter]] = {
     "stateful": StatefulFilter,
@@ -50,7 +50,7 @@ FILTERS: dict[str, Callable[[Settings], Filter]] = {
 }
 
 
-def make(name: str, settings: Settings = Settings()) -> Filter:  # noqa: B008 (immutable)
+def make(name: str, settings: Settings = Settings()) -> Filter:
     """The filter of that name; `UsageError` for an unknown one."""
     if name not in FILTERS:
         raise UsageError(f"there is no filter {name!r}; there are {', '.join(FILTERS)}.")

@@ -9,15 +9,13 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import math
 import os
-import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any
-
-import numpy as np
 
 PACKAGE = __name__.partition(".")[0]
 
@@ -25,17 +23,19 @@ PACKAGE = __name__.partition(".")[0]
 @functools.cache
 def _numba() -> ModuleType | None:
     """Numba, with its cache in a folder that changes with the sources, or None."""
+    sources = sorted(Path(__file__).parents[1].rglob("*.py"))
+    key = hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()[:16]
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+    folder = os.path.join(home, PACKAGE, key)
+    try:
+        os.makedirs(folder, exist_ok=True)
+    except OSError:
+        folder = os.path.join(tempfile.gettempdir(), PACKAGE, key)
+    os.environ.setdefault("NUMBA_CACHE_DIR", folder)
     try:
         import numba
     except ImportError:
         return None
-    if "NUMBA_CACHE_DIR" not in os.environ:
-        sources = sorted(Path(__file__).parents[1].rglob("*.py"))
-        key = hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()[:16]
-        home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
-        numba.config.CACHE_DIR = os.path.join(
-            home if os.access(home, os.W_OK) else tempfile.gettempdir(), PACKAGE, key
-        )
     return numba
 
 
@@ -65,13 +65,16 @@ def run_steps(step: Callable[..., Any]) -> Callable[..., Any]:
     return compiled(_run, step=step)
 
 
-def _run(
-    state: Any, gains: Any, gyro: Any, accel: Any, mag: Any, steps: Any, rotors: Any
-) -> Any:
+def step(*_: Any) -> Any:
+    """Stands for a filter's own, which `run_steps` binds."""
+    raise NotImplementedError
+
+
+def _run(state: Any, gains: Any, gyro: Any, accel: Any, mag: Any, steps: Any, rotors: Any) -> Any:
     """Fill ``rotors`` (n, 4) with unit rotors; a step of NaN repeats the last (skipped)."""
     for i in range(len(steps)):
         if steps[i] == steps[i]:
-            state = step(  # noqa: F821 (bound by run_steps)
+            state = step(
                 state,
                 gains,
                 (gyro[i, 0], gyro[i, 1], gyro[i, 2]),
@@ -80,7 +83,7 @@ def _run(
                 steps[i],
             )
         w, x, y, z = state.rotor
-        s = 1.0 / np.sqrt(w * w + x * x + y * y + z * z)
+        s = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
         rotors[i, 0] = s * w
         rotors[i, 1] = s * x
         rotors[i, 2] = s * y

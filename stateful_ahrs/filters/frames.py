@@ -38,16 +38,12 @@ class WorldFrame:
 
     def __init__(self, name: str = "enu", declination: float = 0.0) -> None:
         if name not in WORLD_FRAMES:
-            raise UsageError(
-                f"world_frame must be one of {', '.join(WORLD_FRAMES)}, got {name!r}."
-            )
+            raise UsageError(f"world_frame must be one of {', '.join(WORLD_FRAMES)}, got {name!r}.")
         if not abs(declination) <= math.pi:
             raise UsageError(
                 f"magnetic_declination must be between -π and π rad, got {declination}."
             )
-        self.rotor = product(
-            WORLD_FRAMES[name], from_axis_angle((0.0, 0.0, 1.0), -declination)
-        )
+        self.rotor = product(WORLD_FRAMES[name], from_axis_angle((0.0, 0.0, 1.0), -declination))
         self._last: Rotor = (0.0, 0.0, 0.0, 0.0)
         self._first = True
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -218,10 +218,11 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
 class StatefulFilter:
     """The filter with its settings and state; one instance for each sensor.
 
-    ``fixed`` are settings that belong to the filter's name and that no user changes. Rotors returned are of unit length, sensor → earth (north-west-up), and continue in sign.
+    ``fixed`` are settings that belong to the filter's name and that no user changes. Rotors
+    returned are of unit length, sensor → earth (north-west-up), and continue in sign.
     """
 
-    def __init__(self, settings: Settings = Settings(), **fixed: bool) -> None:  # noqa: B008
+    def __init__(self, settings: Settings = Settings(), **fixed: Any) -> None:
         self._fixed = fixed
         self.settings = settings
         self.reset()

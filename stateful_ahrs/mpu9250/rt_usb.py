@@ -62,9 +62,9 @@ class RtUsbTextParser(LineParser):
 class RtUsbBinaryParser:
     """Frames of 28 bytes, which have a header and no checksum; see `Parser`.
 
-    A frame that was cut runs into the header of the next one. So a frame whose last bytes could
-    be the beginning of a header waits for the bytes that decide; unless it is no more than two
-    bytes, with which every frame in a weak field downwards ends, and nothing else has come.
+    A frame counts if the next header begins where it ends, or nothing has come after it. One that
+    ends as a header begins may have been cut and waits for the bytes that decide; but not for the
+    sake of one or two, with which all frames end where the field points weakly downwards.
     """
 
     def __init__(self) -> None:
@@ -84,13 +84,14 @@ class RtUsbBinaryParser:
                 self._complain(begin)
                 self._discard(begin)
                 continue
-            following = _find(self._buffer, 1)
-            if following < FRAME.size:
-                if following + len(HEADER) <= len(self._buffer):
-                    self._discard(following)
-                    continue
-                if len(self._buffer) > FRAME.size or following < FRAME.size - UNDECIDED:
-                    break
+            end = _find(self._buffer, 1)
+            short = end < FRAME.size  # by a header, or by what may become one
+            if end > FRAME.size or (short and end + len(HEADER) <= len(self._buffer)):
+                self._discard(end)
+                continue
+            alone = len(self._buffer) == FRAME.size
+            if short and not (alone and end >= FRAME.size - UNDECIDED):
+                break
             record = self._record(FRAME.unpack_from(self._buffer))
             if record is None:
                 self._discard(FRAME.size)

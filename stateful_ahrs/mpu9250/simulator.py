@@ -96,8 +96,8 @@ class SimulatedMpu9250:
         self,
         motion: Motion,
         *,
-        errors: Errors = Errors(),  # noqa: B008 (immutable)
-        earth: Earth = Earth(),  # noqa: B008 (immutable)
+        errors: Errors = Errors(),
+        earth: Earth = Earth(),
         seed: int = 0,
         clock: Callable[[], int] = time.monotonic_ns,
         who_am_i: int = 0x71,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
+import signal
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -15,7 +16,6 @@ from typing import Any, NoReturn
 import rclpy
 from rclpy.duration import Duration
 from rclpy.exceptions import InvalidTopicNameException
-from rclpy.executors import ExternalShutdownException
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -209,12 +209,11 @@ def _options(argv: Sequence[str]) -> argparse.Namespace:
 
 @contextmanager
 def _graph() -> Iterator[None]:
-    """ROS while the block runs, which SIGINT and SIGTERM end."""
+    """ROS while the block runs; SIGINT and SIGTERM shut it down."""
+    signal.signal(signal.SIGINT, lambda *_: None)  # no KeyboardInterrupt amid rclpy's C++
     rclpy.init()
     try:
         yield
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
     except rclpy_implementation.RCLError:
         if rclpy.ok():  # else a publisher lost the race with the shutdown
             raise

@@ -10,10 +10,13 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from types import TracebackType
+from typing import IO
 
 from ..errors import AhrsError
 
+INTERRUPTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 PATIENCE = 3.0  # s, from SIGINT to SIGKILL
 
 
@@ -35,20 +38,28 @@ def _is_free(domain: int) -> bool:
 
 
 class Children:
-    """Processes of `stateful_ahrs.nodes`; SIGTERM and SIGHUP end the block as SIGINT does."""
+    """Processes of `stateful_ahrs.nodes`, until the block ends.
+
+    In the block SIGINT, SIGTERM and SIGHUP raise nothing, because an exception in the midst of
+    rclpy's C++ comes out as another one: `ended` turns them into KeyboardInterrupt.
+    """
 
     def __init__(self) -> None:
         self._running: dict[str, subprocess.Popen[bytes]] = {}
-        self._said: dict[str, tempfile._TemporaryFileWrapper[bytes]] = {}
+        self._said: dict[str, IO[bytes]] = {}
+        self._interrupted = False
 
     def __enter__(self) -> Children:
-        for number in (signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, signal.default_int_handler)
+        for number in INTERRUPTS:
+            signal.signal(number, self._on_interrupt)
         return self
+
+    def _on_interrupt(self, *_: object) -> None:
+        self._interrupted = True
 
     def start(self, name: str, *arguments: str) -> None:
         """Start an executable; a terminal's Ctrl-C does not reach it."""
-        self._said[name] = tempfile.TemporaryFile()
+        self._said[name] = tempfile.TemporaryFile()  # noqa: SIM115 (the process has it)
         self._running[name] = subprocess.Popen(
             [sys.executable, "-m", f"stateful_ahrs.nodes.{name}", *arguments],
             stdin=subprocess.DEVNULL,
@@ -59,6 +70,8 @@ class Children:
 
     def ended(self, name: str) -> bool:
         """Whether it has ended well; `AhrsError` with its last words if it failed."""
+        if self._interrupted:
+            raise KeyboardInterrupt
         code = self._running[name].poll()
         if code:
             self._said[name].seek(0)
@@ -72,8 +85,6 @@ class Children:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, signal.SIG_IGN)  # nothing may interrupt this
         for process in self._running.values():
             _signal(process, signal.SIGINT)
         end = time.monotonic() + PATIENCE
@@ -87,7 +98,5 @@ class Children:
 
 def _signal(process: subprocess.Popen[bytes], number: int) -> None:
     """Reach the process and all that it started."""
-    try:
+    with suppress(ProcessLookupError):
         os.killpg(process.pid, number)
-    except ProcessLookupError:
-        pass

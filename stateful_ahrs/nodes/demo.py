@@ -111,7 +111,10 @@ class Listener(Node):
     def _on_diagnostics(self, msg: DiagnosticArray) -> None:
         for status in msg.status:
             if status.name.startswith("fusion:"):
-                self.fusion = {pair.key: pair.value for pair in status.values}
+                values = {pair.key: pair.value for pair in status.values}
+                if values["heading"] != self.fusion.get("heading"):
+                    self.tally.largest_step = 0.0  # finding north is a step of its own
+                self.fusion = values
                 self.fusion_says = status.message
                 self.diagnosed = time.monotonic()
 
@@ -198,7 +201,7 @@ class Demo:
         truth = "the simulator's truth" if simulated else "the bag's ground truth"
         print(f"orientations  {tally.samples} at {tally.rate:.1f} Hz; {lost}")
         print(f"sign flips    {tally.sign_flips}")
-        print(f"largest step  {math.degrees(tally.largest_step):.2f}°")
+        print(f"largest step  {math.degrees(tally.largest_step):.2f}° from one to the next")
         print(f"turned        {turns(listener.angle)}")
         print(f"alpha         {listener.answer or 'not set'}")
         if simulated or tally.error is not None:

@@ -39,12 +39,12 @@ class View:
     def __init__(self, title: str, duration: float) -> None:
         self._title = title
         self._duration = duration
-        self._next = 0.0
         self._errors: deque[float] = deque(maxlen=HISTORY)
         console = Console()
         self._live: Live | None = None
         if console.is_terminal and not console.is_dumb_terminal:
             self._live = Live(console=console, auto_refresh=False)
+        self._next = PERIODS[bool(self._live)]
 
     def __enter__(self) -> View:
         if self._live:
@@ -67,15 +67,13 @@ class View:
         if elapsed < self._next:
             return
         self._next += PERIODS[bool(self._live)]
+        if not self._live:
+            print(f"{elapsed:5.1f} s  {_line(state)}", flush=True)
+            return
+        rows = _rows(state)
         if state.error is not None:
             self._errors.append(math.degrees(state.error))
-        rows = _rows(state)
-        if not self._live:
-            values = ", ".join(f"{name} {value}" for name, value in rows.items())
-            print(f"{elapsed:5.1f} s: {values}", flush=True)
-            return
-        if self._errors:
-            rows["error"] += "  " + _chart(self._errors)
+            rows["error"] = f"{self._errors[-1]:5.2f}°  {_chart(self._errors)}"
         table = Table.grid(padding=(0, 2))
         table.add_column(style="bold")
         for name, value in rows.items():
@@ -88,22 +86,31 @@ class View:
 
 def _rows(state: State) -> dict[str, str]:
     values = state.fusion
-    rpy = " ".join(f"{math.degrees(angle):+6.1f}°" for angle in state.rpy)
-    rows = {
-        "roll, pitch, yaw": rpy,
-        "axis": " ".join(f"{part:+.3f}" for part in state.axis),
-        "angle": f"{math.degrees(state.angle):+.1f}° ({turns(state.angle)})",
-        "rates": f"IMU {_number(values, 'imu_rate_hz', '.1f')} Hz, "
-        f"magnetometer {_number(values, 'mag_rate_hz', '.1f')} Hz",
-        "alpha": f"{_number(values, 'alpha', 'g')} "
-        f"(time constant {_number(values, 'time_constant_s', '.2f')} s)",
-        "heading": f"from {values.get('heading', '?')}",
+    alpha = (
+        f"{_number(values, 'alpha')} (time constant {_number(values, 'time_constant_s', '.2f')} s)"
+    )
+    return {
+        "roll, pitch, yaw": " ".join(f"{math.degrees(angle):+7.1f}°" for angle in state.rpy),
+        "axis": " ".join(f"{part:+8.3f}" for part in state.axis),
+        "angle": f"{math.degrees(state.angle):+7.1f}° ({turns(state.angle)})",
+        "IMU": f"{_number(values, 'imu_rate_hz', '7.1f')} Hz",
+        "magnetometer": f"{_number(values, 'mag_rate_hz', '7.1f')} Hz",
+        "heading from": values.get("heading", "?"),
+        "alpha": f"{alpha} {state.answer}",
     }
-    if state.answer:
-        rows["alpha"] += f" {state.answer}"
+
+
+def _line(state: State) -> str:
+    roll, pitch, yaw = (f"{math.degrees(angle):+.1f}°" for angle in state.rpy)
+    parts = [
+        f"roll {roll} pitch {pitch} yaw {yaw}",
+        turns(state.angle),
+        f"{_number(state.fusion, 'imu_rate_hz', '.1f')} Hz",
+        f"alpha {_number(state.fusion, 'alpha')} {state.answer}".rstrip(),
+    ]
     if state.error is not None:
-        rows["error"] = f"{math.degrees(state.error):5.2f}°"
-    return rows
+        parts.append(f"error {math.degrees(state.error):.2f}°")
+    return ", ".join(parts)
 
 
 def turns(angle: float) -> str:
@@ -111,8 +118,8 @@ def turns(angle: float) -> str:
     return f"{angle / (2.0 * math.pi):+.2f} turns"
 
 
-def _number(values: dict[str, str], key: str, form: str) -> str:
-    return format(float(values.get(key, "nan")), form)
+def _number(values: dict[str, str], key: str, form: str = "g") -> str:
+    return format(float(values[key]), form) if key in values else "?"
 
 
 def _chart(errors: deque[float]) -> str:

@@ -182,7 +182,9 @@ class Fusion(Node):
 
     def _on_clock_jump(self, jump: TimeJump) -> None:
         self._gate.clock_jumped()
-        self._once.warn("clock", f"The clock jumped back by {-jump.delta.nanoseconds * 1e-9:.3f} s.")
+        self._once.warn(
+            "clock", f"The clock jumped back by {-jump.delta.nanoseconds * 1e-9:.3f} s."
+        )
 
     def _now(self) -> int:
         return self.get_clock().now().nanoseconds

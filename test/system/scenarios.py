@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any
 
@@ -45,7 +46,7 @@ def errors_deg(
 def flips(orientations: list[Imu]) -> int:
     """How often the published rotor changed its sign."""
     rotors = [rotor_of(message.orientation) for message in orientations]
-    return sum(dot(p, q) < 0.0 for p, q in zip(rotors, rotors[1:], strict=False))
+    return sum(dot(p, q) < 0.0 for p, q in itertools.pairwise(rotors))
 
 
 def status(diagnostics: list[DiagnosticArray], node: str) -> tuple[bytes, str, dict[str, str]]:

@@ -86,7 +86,6 @@ def test_topics_can_be_moved_and_what_was_played_outlasts_the_player(graph: Grap
     heard = graph.hear(Imu, "/robot/raw")
     field = graph.hear(MagneticField, "/imu/mag")
     truth = graph.hear(QuaternionStamped, "/ground_truth")
-    before = time.monotonic()
     player = graph.start(
         "bag_player", str(SHORT), "--rate", "10", "--ros-args", "-r", "/imu/data_raw:=/robot/raw",
         "-r", "__ns:=/robot",

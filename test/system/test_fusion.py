@@ -127,7 +127,10 @@ def test_live_and_offline_are_the_same(graph, name):
     orientations = graph.hear(Imu, "imu/data")
     graph.start("fusion", filter=name)
     graph.until_published("imu/data")
-    assert graph.start("bag_player", str(BAGS / "turns"), "--wait", "20", "--rate", "3").wait(30.0) == 0
+    assert (
+        graph.start("bag_player", str(BAGS / "turns"), "--wait", "20", "--rate", "3").wait(30.0)
+        == 0
+    )
     until(lambda: len(orientations) == len(recording), "every orientation")
     worst = max(
         difference(rotor_of(message.orientation), tuple(q))
@@ -237,7 +240,9 @@ def test_without_a_magnetometer_every_sample_is_answered_and_diagnostics_say_so(
     def warned():
         nonlocal sent
         sent += 1
-        message.header.stamp.sec, message.header.stamp.nanosec = divmod(START + sent * PERIOD, SECOND)
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(
+            START + sent * PERIOD, SECOND
+        )
         imu.publish(message)
         return "No sample on /imu/mag yet (0 publishers)" in status(diagnostics, "fusion")[1]
 
