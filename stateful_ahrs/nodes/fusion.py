@@ -297,6 +297,9 @@ class Fusion(Node):
         self._imu_count_before, self._mag_count_before = self._imu_count, self._mag_count
         if imu_age > SILENT:
             return ERROR, self._silence(self._imu_in.topic_name, imu_age), values
+        for topic in (self._imu_in.topic_name, self._mag_in.topic_name):
+            if (publishers := self.count_publishers(topic)) > 1:
+                return ERROR, f"{publishers} publishers on {topic}: sensors are mixed.", values
         if not report.started:
             return ERROR, "No usable accelerometer sample yet: orientation unknown.", values
         if not settings.use_mag:

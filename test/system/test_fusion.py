@@ -253,6 +253,20 @@ def test_without_a_magnetometer_every_sample_is_answered_and_diagnostics_say_so(
     assert rotor_of(heard[-1].orientation) == pytest.approx((1.0, 0.0, 0.0, 0.0), abs=1e-9)
 
 
+def test_two_sensors_on_one_topic_are_an_error(graph, sensor):
+    graph.speak(Imu, "imu/data_raw")
+    diagnostics = graph.hear(DiagnosticArray, "/diagnostics")
+
+    def told():
+        sensor.send(START + sensor.sent * PERIOD)
+        return status(diagnostics, "fusion")[1] == (
+            "2 publishers on /imu/data_raw: sensors are mixed."
+        )
+
+    until(told, "the error")
+    assert status(diagnostics, "fusion")[0] == b"\x02"
+
+
 # Garbage
 
 
