@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
 import rclpy
@@ -56,4 +57,5 @@ def spin(node: Node) -> None:
 
 
 def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())
+    """What the error says, without the places in rcl's sources."""
+    return re.sub(r", at /\S+", "", " ".join(str(error).split()))

@@ -43,9 +43,7 @@ class Parameters:
         self._specs = {spec.name: spec for spec in specs}
         self._accept = accept
         self._apply = apply
-        self.values: dict[str, Any] = {
-            spec.name: _checked(spec, _declare(node, spec)) for spec in specs
-        }
+        self.values: dict[str, Any] = {spec.name: _declare(node, spec) for spec in specs}
         accept(self.values)
         node.add_on_set_parameters_callback(self._on_set)
         node.add_post_set_parameters_callback(self._post_set)
@@ -74,23 +72,30 @@ class Parameters:
 
 
 def _declare(node: Node, spec: Spec) -> Value:
-    # Dynamic typing leaves the check of the type to `_checked`, whose reason a user understands.
+    # With dynamic typing, and limits only afterwards, the check is `_checked`'s, whose reason a
+    # user understands.
+    first = ParameterDescriptor(dynamic_typing=True)
+    value = _checked(spec, node.declare_parameter(spec.name, spec.default, first).value)
     descriptor = ParameterDescriptor(
         description=spec.description, read_only=not spec.live, dynamic_typing=True
     )
     if spec.limits is not None:
         low, high = spec.limits
         descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
-    return node.declare_parameter(spec.name, spec.default, descriptor).value
+    node.set_descriptor(spec.name, descriptor)
+    return value
 
 
 def _checked(spec: Spec, value: Value) -> Value:
-    """The value if it has the default's type; `UsageError` if not."""
-    if type(value) is type(spec.default):
-        return value
+    """The value if it has the default's type and keeps the limits; `UsageError` if not."""
     kind = {bool: "a boolean", int: "an integer", float: "a double", str: "a string"}
-    found = f"got {kind.get(type(value), type(value).__name__)} ({value!r})"
-    remedy = ""
-    if isinstance(spec.default, float) and type(value) is int:
-        remedy = f": write {value}.0 instead of {value}"
-    raise UsageError(f"{spec.name} must be {kind[type(spec.default)]}, {found}{remedy}.")
+    if type(value) is not type(spec.default):
+        found = f"got {kind.get(type(value), type(value).__name__)} ({value!r})"
+        remedy = ""
+        if isinstance(spec.default, float) and type(value) is int:
+            remedy = f": write {value}.0 instead of {value}"
+        raise UsageError(f"{spec.name} must be {kind[type(spec.default)]}, {found}{remedy}.")
+    if spec.limits is not None and not spec.limits[0] <= value <= spec.limits[1]:
+        low, high = spec.limits
+        raise UsageError(f"{spec.name} must be between {low:g} and {high:g}, got {value}.")
+    return value

@@ -342,8 +342,8 @@ def test_level_and_facing_north_in_each_world_frame(graph, frame, expected):
     ("parameters", "sentence"),
     [
         ({"alpha": 1}, "alpha must be a double, got an integer (1): write 1.0 instead of 1."),
-        ({"alpha": 1.2}, "out of range"),
-        ({"alpha": ".nan"}, "alpha"),
+        ({"alpha": 1.2}, "alpha must be between 0 and 1, got 1.2."),
+        ({"alpha": ".nan"}, "alpha must be between 0 and 1, got nan."),
         ({"filter": "kalman"}, "there is no filter 'kalman'; there are stateful, paper"),
         ({"world_frame": "nue"}, "world_frame must be one of enu, nwu, ned, got 'nue'."),
         ({"orientation_stddev": -1.0}, "orientation_stddev must be 0 or more rad, got -1.0."),
