@@ -125,7 +125,7 @@ def test_a_real_trial_comes_back_from_its_bag_bit_for_bit(tmp_path, storage):
 
 
 @pytest.mark.skipif(not TRIALS, reason="the BROAD trials are not here")
-@pytest.mark.parametrize("path", TRIALS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", TRIALS, ids=str)
 def test_a_real_trial_has_the_physics_of_one(path):
     found = load(path)
     assert len(found) > 40_000 and len(found.mag) == len(found)

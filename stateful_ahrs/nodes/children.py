@@ -23,9 +23,13 @@ PATIENCE = 3.0  # s, from SIGINT to SIGKILL
 def own_domain() -> None:
     """Keep this process's ROS graph, and its children's, to itself, unless the user chose one."""
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    if "ROS_DOMAIN_ID" not in os.environ:
-        domains = random.sample(range(1, 101), 100)  # above 101 the ports are not safe on Linux
-        os.environ["ROS_DOMAIN_ID"] = str(next(filter(_is_free, domains), domains[0]))
+    os.environ.setdefault("ROS_DOMAIN_ID", str(free_domain()))
+
+
+def free_domain() -> int:
+    """A domain that nobody on this machine speaks in, if there is one."""
+    domains = random.sample(range(1, 101), 100)  # above 101 the ports are not safe on Linux
+    return next(filter(_is_free, domains), domains[0])
 
 
 def _is_free(domain: int) -> bool:

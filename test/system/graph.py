@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 import signal
 import subprocess
@@ -19,7 +18,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 
-DOMAINS = itertools.cycle(range(1, 100))  # above 101 their ports are not safe on Linux
+from stateful_ahrs.nodes.children import free_domain
+
 TIMEOUT = 20.0  # s; a loaded machine is slow to discover
 
 
@@ -30,7 +30,7 @@ class Graph:
     """
 
     def __init__(self, domain: int | None = None) -> None:
-        self.domain = domain if domain is not None else (os.getpid() + next(DOMAINS)) % 100 + 1
+        self.domain = free_domain() if domain is None else domain
         self._environment = {
             **os.environ,
             "ROS_DOMAIN_ID": str(self.domain),
