@@ -15,7 +15,7 @@ from typing import Any, NoReturn
 
 import rclpy
 from rclpy.duration import Duration
-from rclpy.exceptions import InvalidTopicNameException
+from rclpy.exceptions import InvalidTopicNameException, ParameterException
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -29,10 +29,12 @@ from ..recordings.progress import bar
 from ..recordings.wire import IMU, MAGNETIC_FIELD
 from . import messages, qos
 
+INERTIAL = (IMU, MAGNETIC_FIELD)
 WAIT = 5.0  # s; discovery repeats itself every 3 s where its first words were lost
 SETTLED = 0.3  # s without a further subscriber: those that exist are matched
+LINGER = 500_000_000  # ns; a best-effort subscriber loses what it has not taken when we vanish
 ACKNOWLEDGED = 5.0  # s; a subscriber that needs longer at the end does not read
-SHORTEST_LOOP = 100_000_000  # ns
+TENTH = 100_000_000  # ns, between two reports of progress; no loop is shorter
 NAP = 0.05  # s, the longest: so soon is a shutdown noticed
 EPILOG = """\
 Messages keep their stamps and topics. Topics in a bag are absolute: move one with
@@ -47,7 +49,7 @@ class Player(Node):
         super().__init__("bag_player", start_parameter_services=False)
         self._bag = bag
         self._clock_rate = clock
-        self._outs: dict[Topic | None, Any] = {}
+        self._outs: dict[Topic, Any] = {}
         for topic, count in bag.topics.items():
             if not count:
                 continue
@@ -57,8 +59,7 @@ class Player(Node):
                 self.get_logger().warning(f"{topic} and its {count} messages left out: {error}")
         if not self._outs:
             raise RecordingError(f"{bag.name} has nothing that can be played.")
-        if clock:
-            self._outs[None] = self.create_publisher(Clock, "/clock", QoSProfile(depth=1))
+        self._clock_out = self.create_publisher(Clock, "/clock", 1) if clock else None
 
     def _advertise(self, topic: Topic) -> Any:
         """A publisher; `UsageError` if there can be none."""
@@ -74,10 +75,10 @@ class Player(Node):
         except (InvalidTopicNameException, rclpy_implementation.RCLError) as error:
             raise UsageError(_one_line(error)) from None
 
-    def play(self, rate: float, loop: bool, wait: float) -> None:
-        """Play, once or until ROS shuts down, when somebody listens or ``wait`` s are over."""
-        self._await_subscribers(wait)
-        topics = [topic for topic in self._outs if topic]
+    def play(self, rate: float, loop: bool, wait: float, subscribers: int | None) -> None:
+        """Play, once or until ROS shuts down, when enough listen or ``wait`` s are over."""
+        self._await_subscribers(wait, subscribers)
+        topics = list(self._outs)
         self.get_logger().info(
             f"playing {sum(self._bag.topics[topic] for topic in topics)} messages of "
             f"{self._bag.seconds:.1f} s on {', '.join(topic.name for topic in topics)}"
@@ -90,39 +91,45 @@ class Player(Node):
                     if not self._sleep_until(beginning + event.due):
                         return
                     self._publish(event)
-                    if progress and event.due // SHORTEST_LOOP != due // SHORTEST_LOOP:
+                    if progress and event.due // TENTH != due // TENTH:
                         progress(event.due * 1e-9 * rate / self._bag.seconds)
                     due = event.due
                 if not loop:
                     break
-                beginning += max(due, SHORTEST_LOOP)
-        self._await_acknowledgement()
+                beginning += max(due, TENTH)
+        self._await_delivery()
 
     def _publish(self, event: Event) -> None:
-        if event.topic is None:
-            self._outs[None].publish(Clock(clock=messages.time(event.time)))
-        else:
+        if event.topic:
             self._outs[event.topic].publish(event.message)
+        elif self._clock_out:
+            self._clock_out.publish(Clock(clock=messages.time(event.time)))
 
-    def _await_subscribers(self, wait: float) -> None:
-        """Return when those that exist are matched: somebody listens, and nobody else joins."""
-        kinds = {IMU, MAGNETIC_FIELD} & {topic.kind for topic in self._outs if topic}
+    def _await_subscribers(self, wait: float, wanted: int | None) -> None:
+        """Return when those that exist are matched: enough subscribe, and nobody else joins."""
         begin = last_change = time.monotonic()
-        heard = 0
+        heard: dict[Topic, int] = {}
         while rclpy.ok() and (now := time.monotonic()) - begin < wait:
-            counts = {
-                topic: out.get_subscription_count() for topic, out in self._outs.items() if topic
-            }
-            if sum(counts.values()) != heard:
-                heard, last_change = sum(counts.values()), now
-            relevant = any(n for topic, n in counts.items() if not kinds or topic.kind in kinds)
-            if relevant and now - last_change > SETTLED:
+            counts = {topic: out.get_subscription_count() for topic, out in self._outs.items()}
+            if counts != heard:
+                heard, last_change = counts, now
+            if now - last_change > SETTLED and self._are_enough(counts, wanted):
                 return
             time.sleep(NAP)
-        if wait and not heard:
-            self.get_logger().info(f"nobody has subscribed within {wait:g} s")
+        if wait and rclpy.ok():
+            self.get_logger().warning(
+                f"{sum(heard.values())} subscriptions within {wait:g} s; playing all the same"
+            )
 
-    def _await_acknowledgement(self) -> None:
+    @staticmethod
+    def _are_enough(counts: dict[Topic, int], wanted: int | None) -> bool:
+        if wanted is not None:
+            return sum(counts.values()) >= wanted
+        inertial = [count for topic, count in counts.items() if topic.kind in INERTIAL]
+        return any(inertial or counts.values())
+
+    def _await_delivery(self) -> None:
+        self._sleep_until(time.monotonic_ns() + LINGER)
         end = time.monotonic() + ACKNOWLEDGED
         for out in self._outs.values():
             while rclpy.ok() and not out.wait_for_all_acked(Duration(seconds=NAP)):
@@ -198,7 +205,13 @@ def _options(argv: Sequence[str]) -> argparse.Namespace:
         type=_number(0.0, 3600.0),
         default=WAIT,
         metavar="S",
-        help="for the first subscriber of an IMU or magnetometer topic (default: %(default)g s)",
+        help="wait so long for subscribers before the first message (default: %(default)g s)",
+    )
+    parser.add_argument(
+        "--subscribers",
+        type=int,
+        metavar="N",
+        help="of all topics together to wait for (default: one of an IMU or magnetometer topic)",
     )
     try:
         own = remove_ros_args(argv)
@@ -214,6 +227,8 @@ def _graph() -> Iterator[None]:
     rclpy.init()
     try:
         yield
+    except ParameterException as error:
+        raise UsageError(_one_line(error)) from None
     except rclpy_implementation.RCLError:
         if rclpy.ok():  # else a publisher lost the race with the shutdown
             raise
@@ -229,7 +244,9 @@ def _play() -> None:
     options = _options(sys.argv[1:])
     try:
         with open_bag(options.bag) as bag, _graph():
-            Player(bag, options.clock).play(options.rate, options.loop, options.wait)
+            Player(bag, options.clock).play(
+                options.rate, options.loop, options.wait, options.subscribers
+            )
     except KeyboardInterrupt:  # while the bag was being opened
         pass
 

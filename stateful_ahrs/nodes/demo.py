@@ -36,6 +36,7 @@ MOTION = "tumble"
 NEW_ALPHA = 0.99
 HIGHEST_ERROR = 1.5  # degrees, at the end, against the simulator's truth
 START_UP = 30.0  # s
+WAIT = 10.0  # s, of the bag player for fusion and the demo
 LAST_WORDS = 5.0  # s after the end, for the answer about alpha and the last diagnostics
 
 
@@ -77,10 +78,22 @@ class Listener(Node):
         """The last known, rad."""
         return self.tally.error
 
-    def set_alpha(self, alpha: float) -> None:
-        """Ask fusion for another alpha, once; `answer` is what came of it."""
+    @property
+    def in_effect(self) -> bool:
+        """Whether fusion reports the new alpha."""
+        return float(self.fusion.get("alpha", "nan")) == NEW_ALPHA
+
+    @property
+    def hears_fusion(self) -> bool:
+        """Whether its orientations will arrive."""
+        return self.count_publishers("imu/data") > 0
+
+    def set_alpha(self) -> None:
+        """Ask fusion for the new alpha, once; `answer` is what came of it."""
         if self._asked is None and self._fusion_parameters.services_are_ready():
-            self._asked = self._fusion_parameters.set_parameters([Parameter("alpha", value=alpha)])
+            self._asked = self._fusion_parameters.set_parameters(
+                [Parameter("alpha", value=NEW_ALPHA)]
+            )
             self._asked.add_done_callback(self._on_answer)
 
     def _on_answer(self, future: Future) -> None:
@@ -129,6 +142,7 @@ class Demo:
     def __init__(self, source: Source, duration: float) -> None:
         self._source = source
         self._duration = duration
+        self._simulated = source.samples is None
         self._half = min(duration, source.seconds) / 2.0
         self._bag_ended = False
 
@@ -137,7 +151,6 @@ class Demo:
         own_domain()
         with Children() as children:
             children.start("fusion")
-            children.start(self._source.executable, *self._source.arguments)
             rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
             listener = Listener()
             executor = EventsExecutor()
@@ -156,13 +169,19 @@ class Demo:
     ) -> None:
         """Return at the end of the bag, or of the duration."""
         begin = time.monotonic()
+        started = False
         first = end = None
         while True:
             executor.spin_once(timeout_sec=0.05)
             now = time.monotonic()
             if children.ended("fusion"):
                 raise AhrsError("fusion has ended before the demo.")
-            self._bag_ended = children.ended(self._source.executable)
+            if not started and (self._simulated or listener.hears_fusion):
+                children.start(self._source.executable, *self._source.arguments)
+                started = True
+            self._bag_ended = started and children.ended(self._source.executable)
+            if self._bag_ended and self._simulated:
+                raise AhrsError("imu_driver has ended before the demo.")
             if first is None:
                 if not listener.tally.samples:
                     self._check_start(now - begin, listener)
@@ -170,7 +189,7 @@ class Demo:
                 first = now
             view.show(listener, now - first)
             if now - first >= self._half:
-                listener.set_alpha(NEW_ALPHA)
+                listener.set_alpha()
             if end is None and (self._bag_ended or now - first >= self._duration):
                 end = now
             if end and (now - end > LAST_WORDS or self._is_complete(listener, end)):
@@ -184,12 +203,12 @@ class Demo:
 
     def _is_complete(self, listener: Listener, end: float) -> bool:
         """Whether all is known that the conclusion tells."""
-        answered = bool(listener.answer)
-        return answered and (not self._bag_ended or listener.diagnosed > end)
+        alpha_known = listener.in_effect if listener.accepted else bool(listener.answer)
+        return alpha_known and (not self._bag_ended or listener.diagnosed > end)
 
     def _conclude(self, listener: Listener) -> None:
         """Print the summary; `AhrsError` if something did not go well."""
-        tally, simulated = listener.tally, self._source.samples is None
+        tally, simulated = listener.tally, self._simulated
         if simulated:
             lost = f"{tally.lost} lost"
         elif self._bag_ended:
@@ -209,7 +228,9 @@ class Demo:
         sys.stdout.flush()
         faults = []
         if not listener.accepted:
-            faults.append(f"alpha {NEW_ALPHA} was {listener.answer or 'not answered'}")
+            faults.append(f"alpha {listener.answer or 'was not set: no answer'}")
+        elif not listener.in_effect:
+            faults.append(f"alpha {NEW_ALPHA} was accepted but is not in effect")
         if tally.sign_flips:
             faults.append(f"the orientation changed its sign {tally.sign_flips} times")
         if simulated and not error < HIGHEST_ERROR:
@@ -240,7 +261,7 @@ def _player(path: Path) -> Source:
             remaps += ["-r", f"{topic.name}:={places.get(topic, aside)}"]
         return Source(
             "bag_player",
-            [str(path), "--wait", f"{START_UP:g}", *remaps],
+            [str(path), f"--wait={WAIT}", f"--subscribers={len(places)}", *remaps],
             f"{bag.name} → bag_player → DDS → fusion",
             bag.seconds,
             bag.topics[bag.roles["imu"]],
