@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable
-
 
 class AhrsError(Exception):
     """Base of every error that the package raises on purpose; its text is meant for the user."""
@@ -28,17 +25,3 @@ class TopicError(RecordingError):
 
 class DeviceError(AhrsError):
     """A sensor is absent, silent, or not the one expected."""
-
-
-def exit_with_sentence(name: str, command: Callable[[], int | None]) -> int:
-    """Run a command; turn a package error into ``name: sentence`` on stderr and its exit code."""
-    try:
-        return command() or 0
-    except AhrsError as error:
-        print(f"{name}: {error}", file=sys.stderr)
-        return error.exit_code
-    except KeyboardInterrupt:
-        return 130
-    except BrokenPipeError:
-        sys.stderr.close()
-        return 0

@@ -221,7 +221,7 @@ def test_an_mpu_6500_runs_on_six_axes_and_says_so() -> None:
         (0x74, "MPU-6515"),
         (0x78, "MPU-6880"),
         (0x75, "unknown"),
-        (0xFF, "unknown"),
+        (0x00, "unknown"),
     ],
 )
 def test_another_chip_is_named_and_left_alone(who: int, name: str) -> None:
@@ -230,6 +230,11 @@ def test_another_chip_is_named_and_left_alone(who: int, name: str) -> None:
     with pytest.raises(DeviceError, match=f"0x{who:02X} .{name}.*expected 0x71 .MPU-9250"):
         bench.start()
     assert bench.register(reg.CONFIG) == 5
+
+
+def test_a_bus_that_nobody_drives_is_not_taken_for_a_chip() -> None:
+    with pytest.raises(DeviceError, match="every byte reads as 0xFF: nobody drives the bus"):
+        Bench(who_am_i=0xFF).start()
 
 
 def test_an_absent_chip_is_an_error_that_names_the_address() -> None:

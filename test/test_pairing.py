@@ -88,6 +88,32 @@ def test_a_restart_forgets_samples_of_another_time():
     assert pairing.superseded == 1
 
 
+def test_a_second_sample_for_one_step_supersedes_the_first():
+    pairing = Pairing()
+    pairing.take(stamp(0))
+    pairing.take(stamp(10))
+    assert pairing.add(stamp(5), FIELDS[1])
+    assert pairing.add(stamp(6), FIELDS[2])
+    assert pairing.superseded == 1
+
+
+@pytest.mark.parametrize(("delay", "late"), [(0.02, 0), (0.1, 1)])
+def test_what_comes_too_late_tells_another_heading_and_is_counted(delay, late):
+    pairing = Pairing()
+    for i in range(30):
+        pairing.take(stamp(i))
+    pairing.add(stamp(30) - round(delay * SECOND), FIELDS[0])
+    assert pairing.take(stamp(30)) == (None if late else FIELDS[0])
+    assert pairing.late == late
+
+
+def test_a_slow_sensor_is_not_late():
+    pairing = Pairing()
+    for i in range(5):
+        pairing.add(stamp(20 * i) - 9 * PERIOD, FIELDS[i])
+        assert pairing.take(stamp(20 * i)) == FIELDS[i]
+
+
 def test_one_stamp_far_ahead_does_not_hold_up_the_others():
     pairing = Pairing()
     pairing.add(stamp(10_000), FIELDS[0])

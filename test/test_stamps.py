@@ -54,7 +54,18 @@ def test_after_a_jump_of_the_clock_even_a_short_step_back_starts_anew():
     gate.step(START)
     gate.clock_jumped()
     assert gate.step(START - PERIOD) == 0.0
-    assert gate.step(START - PERIOD) is None  # only the first
+    assert gate.step(START - 3 * PERIOD) is None  # only the first
+    assert gate.counts.out_of_order == 1
+
+
+def test_a_jump_of_the_clock_that_the_stamps_do_not_follow_is_forgotten():
+    gate = StampGate()
+    gate.step(START)
+    gate.clock_jumped()
+    for i in range(1, 110):
+        gate.step(START + i * PERIOD)
+    assert gate.step(START + 108 * PERIOD) is None
+    assert gate.counts.jumps_back == 0
 
 
 def test_one_zero_stamp_among_good_ones_is_skipped():

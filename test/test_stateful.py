@@ -256,10 +256,52 @@ def test_the_first_magnetometer_sample_gives_heading_at_once():
 def test_a_stale_magnetometer_gives_way_to_the_gyroscope():
     samples, truth = recording("tumble", 20.0)
     samples.mag[300:] = np.nan
-    f = filters.make("stateful")
-    assert errors_deg(f.run(samples), truth).max() < 2.0
+    samples.gyro[:] += (0.0, 0.0, 0.01)  # a bias, with which carried fields would drift too
+    samples.mag[299] = felt(from_axis_angle((0.0, 0.0, 1.0), 1.0))[1]  # its last word was wrong
+    f = filters.make("stateful", Settings(mag_timeout=0.1))
+    quick = errors_deg(f.run(samples), truth)
+    slow = errors_deg(filters.make("stateful", Settings(mag_timeout=3.0)).run(samples), truth)
+    assert quick[320] < slow[580] / 5
     assert not f.report.heading_from_mag
     assert f.report.mag_age > 16.0
+
+
+def test_a_restart_waits_for_a_magnetometer_sample_of_its_own():
+    samples, truth = recording("tumble", 12.9, mag_every=15)
+    count = len(samples)
+    turned = [i for i in range(count) if i % 15 == 0][-1]
+    twice = Samples(
+        stamps=np.concatenate([samples.stamps[: turned + 5], samples.stamps]),
+        **{
+            name: np.concatenate([getattr(samples, name)[: turned + 5], getattr(samples, name)])
+            for name in ("gyro", "accel", "mag")
+        },
+    )
+    # the second pass begins without a magnetometer sample, where the first ended turned away
+    twice.mag[turned + 5] = np.nan
+    estimate = filters.make("stateful").run(twice)
+    assert difference(truth[turned + 4], truth[0]) > 1.0
+    second = errors_deg(estimate[turned + 5 :], truth)
+    assert second[15:].max() < 2.0
+
+
+def test_the_first_heading_leaves_the_tilt_alone():
+    f = filters.make("stateful")
+    accel, mag = felt(IDENTITY)
+    for i in range(300):
+        f.update_imu((0.0, 0.0, 0.0), accel, 0.0 if i == 0 else 0.01)
+    f.update_mag(mag)
+    f.update_imu((0.0, 0.0, 0.0), (4.0, 0.0, 9.81), 0.01)  # shaken just now
+    assert difference(f.rotor, IDENTITY) < math.radians(0.2)
+
+
+def test_a_field_along_gravity_is_not_heading():
+    f = filters.make("stateful")
+    for i in range(100):
+        f.update_mag((0.0, 0.0, 4e-5))
+        f.update_imu((0.0, 0.0, 0.0), (0.0, 0.0, 9.81), 0.0 if i == 0 else 0.01)
+    assert f.report.mag_rejected == 100
+    assert not f.report.heading_from_mag
 
 
 def test_use_mag_off_ignores_the_magnetometer():
@@ -325,6 +367,45 @@ def test_whatever_comes_in_a_unit_rotor_comes_out(name, inputs):
         assert sum(x * x for x in q) == pytest.approx(1.0, abs=1e-9)
 
 
+def test_rates_are_held_while_the_gyroscope_gives_none():
+    f = filters.make("stateful", Settings(alpha=1.0, average_start=False))
+    f.update_imu((0.0, 0.0, 1.0), (0.0, 0.0, 9.81), 0.0)
+    for _ in range(20):
+        f.update_imu(NAN, (0.0, 0.0, 9.81), 0.01)
+    assert difference(f.rotor, IDENTITY) == pytest.approx(0.2, abs=1e-4)
+
+
+def test_what_is_too_weak_or_too_strong_for_gravity_is_left_out():
+    for accel in ((1e-3, 0.0, 0.0), (1e5, 0.0, 0.0)):
+        f = filters.make("stateful")
+        f.update_imu((0.0, 0.0, 0.0), (0.0, 0.0, 9.81), 0.0)
+        for _ in range(300):
+            f.update_imu((0.0, 0.0, 0.0), accel, 0.01)
+        assert f.rotor == IDENTITY
+        assert f.report.accel_rejected == 300
+
+
+def test_the_sign_is_that_of_the_predicted_rotor():
+    # 0.9 s at 250 °/s between two samples: the last rotor is on the other side
+    f = filters.make("stateful", Settings(alpha=0.0))
+    rate = math.radians(250.0)
+    f.update_imu((0.0, 0.0, rate), *((0.0, 0.0, 9.81), 0.0))
+    truth = from_axis_angle((0.0, 0.0, 1.0), 0.9 * rate)
+    accel, mag = felt(truth)
+    f.update_mag(mag)
+    f.update_imu((0.0, 0.0, rate), accel, 0.9)
+    assert f.rotor == pytest.approx(truth, abs=1e-9)  # w < 0
+
+
+def test_an_amendment_after_a_reset_is_nothing():
+    f = filters.make("stateful")
+    f.update_imu((0.0, 0.0, 0.0), (0.0, 0.0, 9.81), 0.0)
+    f.reset()
+    f.amend_mag((2e-5, 0.0, -4e-5))
+    assert not f.started
+    assert f.report.accel_rejected == 0
+
+
 def test_rejections_are_counted():
     f = StatefulFilter()
     good = ((0.0, 0.0, 0.0), (0.0, 0.0, 9.81))
@@ -374,6 +455,14 @@ def test_what_makes_a_filter_the_papers_outlives_new_settings():
 def test_alpha_out_of_range_is_refused_with_its_range(alpha):
     with pytest.raises(UsageError, match=r"alpha must be between 0 and 1, got"):
         Settings(alpha=alpha)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"mag_timeout": math.nan}, {"mag_timeout": -1.0}, {"north_at_start": (0.0, 0.0, 0.0)}]
+)
+def test_settings_that_make_no_filter_are_refused(wrong):
+    with pytest.raises(UsageError, match="must be"):
+        Settings(**wrong)
 
 
 def test_an_unknown_filter_is_refused_with_the_known_ones():

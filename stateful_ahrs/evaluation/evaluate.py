@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NoReturn
 
 import numpy as np
 
 from .. import filters
-from ..errors import AhrsError, UsageError, exit_with_sentence
+from ..command import Parser, exit_with_sentence
+from ..errors import AhrsError, UsageError
 from ..filters.stateful import Settings
 from ..recordings import Progress, load
 from ..recordings.progress import bar
@@ -48,13 +47,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     return exit_with_sentence("evaluate", lambda: _evaluate(_job(argv)))
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise UsageError(f"{message}; see evaluate --help.")
-
-
 def _job(argv: Sequence[str] | None) -> Job:
-    parser = _Parser(
+    parser = Parser(
         prog="evaluate",
         description="Run filters over recordings and compare them with the truth.",
         epilog=EPILOG,

@@ -37,6 +37,14 @@ class Filter(Protocol):
         """Rotors (n, 4) for a whole recording, from a fresh start."""
 
     @property
+    def started(self) -> bool:
+        """Whether the attitude is known."""
+
+    @property
+    def heading_known(self) -> bool:
+        """Whether a magnetometer has told north since the start."""
+
+    @property
     def report(self) -> Report:
         """What /diagnostics shows."""
 

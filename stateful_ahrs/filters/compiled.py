@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import importlib.util
 import math
 import os
 import tempfile
@@ -23,6 +24,8 @@ PACKAGE = __name__.partition(".")[0]
 @functools.cache
 def _numba() -> ModuleType | None:
     """Numba, with its cache in a folder that changes with the sources, or None."""
+    if importlib.util.find_spec("numba") is None:
+        return None
     sources = sorted(Path(__file__).parents[1].rglob("*.py"))
     key = hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()[:16]
     home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
@@ -30,12 +33,10 @@ def _numba() -> ModuleType | None:
     try:
         os.makedirs(folder, exist_ok=True)
     except OSError:
-        folder = os.path.join(tempfile.gettempdir(), PACKAGE, key)
+        folder = tempfile.mkdtemp(prefix=PACKAGE)
     os.environ.setdefault("NUMBA_CACHE_DIR", folder)
-    try:
-        import numba
-    except ImportError:
-        return None
+    import numba
+
     return numba
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from bisect import insort
 
 from ..rotor import Vector
-from .stamps import LONGEST_STEP, LONGEST_STEP_BACK
+from .stamps import LONGEST_STEP, LONGEST_STEP_BACK, SECOND
 
-WAITING = 1000  # magnetometer samples ahead of the inertial ones; older are superseded
+WAITING = 1000  # magnetometer samples that wait for their time; more are superseded
+LATEST = SECOND // 20  # ns: what comes later than this tells another heading
 
 
 class Pairing:
@@ -22,6 +23,7 @@ class Pairing:
         self._span = (-1, -1)  # stamps of the last two inertial samples
         self._newest = -1
         self.superseded = 0  # a newer one was there already: never used
+        self.late = 0  # its inertial sample was long gone: never used
 
     def add(self, stamp: int, mag: Vector) -> bool:
         """Take a sample (stamp in ns); True if it belongs to the last inertial sample."""
@@ -29,6 +31,7 @@ class Pairing:
             self._newest = -1  # the stamps jumped back; the inertial ones will, or did
         before, last = self._span
         if before < stamp <= last and stamp > self._newest:
+            self.superseded += self._newest > before
             self._newest = stamp
             return True
         if stamp <= self._newest or len(self._waiting) == WAITING:
@@ -39,12 +42,15 @@ class Pairing:
 
     def take(self, stamp: int) -> Vector | None:
         """The newest sample not younger than the inertial sample of this stamp (ns), if new."""
-        self._span = (self._span[1], stamp)
+        last = self._span[1]
+        self._span = (last, stamp)
         found = None
         while self._waiting and self._waiting[0][0] <= stamp:
-            if found is not None:
-                self.superseded += 1
+            self.superseded += found is not None
             self._newest, found = self._waiting.pop(0)
+        if found is not None and self._newest < min(last, stamp - LATEST):
+            self.late += 1
+            return None
         return found
 
     def restart(self, stamp: int) -> None:

@@ -38,7 +38,7 @@ class StampGate:
         self._started = False
         self._zeros = 0
         self._by_arrival = False
-        self._clock_jumped = False
+        self._jumped_at: int | None = None  # the last stamp before the clock went back
 
     def step(self, stamp: int, arrival: int = 0) -> float | None:
         """Seconds since the last sample; 0 to start anew from this one; None to skip it.
@@ -61,6 +61,8 @@ class StampGate:
             self._started = self._started and not self._by_arrival
             self._by_arrival = False
         step = stamp - self.last
+        if self._jumped_at is not None and stamp > self._jumped_at + LONGEST_STEP:
+            self._jumped_at = None  # the stamps do not follow that clock
         if not self._started:
             self._started = True
         elif 0 < step <= LONGEST_STEP:
@@ -73,8 +75,8 @@ class StampGate:
         elif step > 0:
             self.counts.gaps += 1
             self.news = ("gap", f"IMU stamps jump ahead by {step * 1e-9:.3f} s: starting anew.")
-        elif step < -LONGEST_STEP_BACK or self._clock_jumped:
-            self._clock_jumped = False
+        elif step < -LONGEST_STEP_BACK or self._jumped_at is not None:
+            self._jumped_at = None
             self.counts.jumps_back += 1
             self.news = ("back", f"IMU stamps jump back by {-step * 1e-9:.3f} s: starting anew.")
         else:
@@ -90,7 +92,7 @@ class StampGate:
     def clock_jumped(self) -> None:
         """The clock went back: so will the stamps, and then even by little it is a restart."""
         self.counts.clock_jumps += 1
-        self._clock_jumped = True
+        self._jumped_at = self.last
 
 
 def steps(stamps: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -5,11 +5,14 @@ element by element, which is allowed because the snapshot takes the sign that co
 gyroscope path.
 
 Deviations from the paper
+- The rotor of eq. 12 is exact (eq. 11) where one step turns by more than 0.2 rad.
 - Eq. 14 multiplies the gyroscope's rotor on the left, as if rates were measured in the earth
   frame. A strapped-down gyroscope measures in the sensor frame: the rotor goes on the right.
-- The sign of the snapshot is compared with the predicted rotor, not with the last one.
+- The sign of the snapshot is compared with the predicted rotor; eq. 3 has the last one.
 - Not in the paper, and off where the filter is called the paper's: the rotor is normalised after
   each blend, and for the first second the blend is the mean of all snapshots so far.
+- The paper leaves the start open: the first snapshot is taken as it is, after a restart with the
+  sign that continues, and so is the first heading that a magnetometer gives.
 - The paper blends once for each sample of all three sensors. Here α may be given for a fixed
   span of time, and a magnetometer sample that is missing, stale or useless costs only its
   heading: the snapshot is then taken with the north that the gyroscope predicts.
@@ -43,9 +46,11 @@ from .samples import Array, Samples
 from .stamps import steps
 
 NORTH: Vector = (1.0, 0.0, 0.0)
+UP: Vector = (0.0, 0.0, 1.0)
 NO_MAG: Vector = (math.nan, math.nan, math.nan)
 START = 1.0  # s
 FASTEST = 1e3  # rad/s; no gyroscope measures more
+WEAKEST, STRONGEST = 0.05, 1e4  # m/s²; below is free fall, where noise alone has a direction
 
 
 @dataclass(frozen=True)
@@ -70,6 +75,10 @@ class Settings:
                 f"alpha_rate must be between 0 (alpha applies to each sample) and 1e6 Hz, "
                 f"got {self.alpha_rate}."
             )
+        if not self.mag_timeout >= 0.0:
+            raise UsageError(f"mag_timeout must be 0 or more s, got {self.mag_timeout}.")
+        if not any(self.north_at_start):
+            raise UsageError("north_at_start must be a direction, got zero.")
 
     @property
     def time_constant(self) -> float:
@@ -140,34 +149,43 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
     turn = from_rate(rate, dt)
     predicted = product(state.rotor, turn)
 
-    carried = state.mag
-    mag_age = state.mag_age + dt
-    mag_rejected = state.mag_rejected
-    if mag[0] == mag[0] or mag[1] == mag[1] or mag[2] == mag[2]:
-        field = mag[0] * mag[0] + mag[1] * mag[1] + mag[2] * mag[2]
-        if 1e-24 < field < 1e24:
-            carried = mag
-            mag_age = 0.0
-        else:
-            mag_rejected += 1
-    if mag_age > 0.0:
-        carried = rotate(conjugate(turn), carried)
     starts = dt <= 0.0 or not state.started
     heading_known = state.heading_known and dt > 0.0
 
-    fresh = mag_age == 0.0
-    north_from_mag = gains.use_mag and mag_age <= gains.mag_timeout
-    found, snapshot = dcm(accel, carried)
-    north_from_mag = north_from_mag and found
-    if not north_from_mag:
+    carried = rotate(conjugate(turn), state.mag)
+    mag_age = state.mag_age + dt if dt > 0.0 else math.inf  # it told another time's heading
+    fresh = False
+    mag_rejected = state.mag_rejected
+    if mag[0] == mag[0] or mag[1] == mag[1] or mag[2] == mag[2]:
+        field = mag[0] * mag[0] + mag[1] * mag[1] + mag[2] * mag[2]
+        fresh = 1e-24 < field < 1e24
+        if not fresh:
+            mag_rejected += 1
+
+    force = accel[0] * accel[0] + accel[1] * accel[1] + accel[2] * accel[2]
+    has_up = WEAKEST * WEAKEST < force < STRONGEST * STRONGEST
+    found, snapshot = False, IDENTITY
+    first_heading = False
+    if has_up and gains.use_mag and (fresh or mag_age <= gains.mag_timeout):
+        up = accel
+        if not (starts or heading_known):  # the first heading leaves the tilt alone
+            up = rotate(conjugate(unit(predicted)), UP)
+        found, snapshot = dcm(up, mag if fresh else carried)
+        first_heading = found and not heading_known
+        if fresh and not found:  # along gravity
+            fresh = False
+            mag_rejected += 1
+    if fresh:
+        carried = mag
+        mag_age = 0.0
+    heading_known = heading_known or found
+    if has_up and not found:
         north = gains.north_at_start
         if state.started:
             north = rotate(conjugate(unit(predicted)), NORTH)
         found, snapshot = dcm(accel, north)
-        if not found and starts:
-            found, snapshot = dcm(accel, (0.0, 0.0, 1.0))
-        if found and fresh and gains.use_mag:
-            mag_rejected += 1  # it lies along gravity
+        if starts and not found:
+            found, snapshot = dcm(accel, UP)
 
     accel_rejected = state.accel_rejected
     turned = state.turned
@@ -178,12 +196,11 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
         turned = dot(snapshot, predicted) < 0.0
         if turned != state.turned:
             sign_corrections += 1
-        first_heading = north_from_mag and not heading_known
         if turned and (gains.stateful or starts or first_heading):
             snapshot = negative(snapshot)  # eq. 4
         if starts or first_heading:
             rotor = snapshot
-            elapsed = 0.0
+            elapsed = 0.0 if starts else elapsed
         else:
             weight = gains.alpha
             if gains.alpha_rate > 0.0:
@@ -191,8 +208,7 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
             if gains.average_start and elapsed < START:
                 weight = min(weight, elapsed / (elapsed + dt))
             rotor = blend(predicted, snapshot, weight)  # eq. 16
-        heading_known = heading_known or north_from_mag
-    else:
+    if not has_up:
         accel_rejected += 1
     square = dot(rotor, rotor)
     if not square > 1e-12:  # only a stateless blend of opposite signs can vanish
@@ -250,7 +266,7 @@ class StatefulFilter:
         """Forget everything; the next sample starts anew."""
         self._state = self._before = State()
         self._mag = NO_MAG
-        self._inputs = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)
+        self._inputs: tuple[Vector, Vector, float] | None = None
 
     def update_mag(self, mag: Vector) -> None:
         """Give the magnetometer sample (sensor frame, any unit) for the next `update_imu`."""
@@ -269,6 +285,8 @@ class StatefulFilter:
 
     def amend_mag(self, mag: Vector) -> None:
         """Take the last step again with its magnetometer sample, which came after it."""
+        if self._inputs is None:  # reset since
+            return
         gyro, accel, dt = self._inputs
         self._state = step(self._before, self._gains, gyro, accel, mag, dt)
 
@@ -291,6 +309,16 @@ class StatefulFilter:
     def rotor(self) -> Rotor:
         """The present attitude; the identity before the first good accelerometer sample."""
         return unit(self._state.rotor)
+
+    @property
+    def started(self) -> bool:
+        """Whether the attitude is known."""
+        return self._state.started
+
+    @property
+    def heading_known(self) -> bool:
+        """Whether a magnetometer has told north since the start."""
+        return self._state.heading_known
 
     @property
     def report(self) -> Report:

@@ -4,30 +4,30 @@ from __future__ import annotations
 
 import argparse
 import re
-import signal
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import rclpy
 from rclpy.duration import Duration
-from rclpy.exceptions import InvalidTopicNameException, ParameterException
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.utilities import remove_ros_args
 from rosgraph_msgs.msg import Clock
 
-from ..errors import AhrsError, RecordingError, UsageError, exit_with_sentence
+from ..command import Parser, exit_with_sentence
+from ..errors import AhrsError, RecordingError, UsageError
 from ..recordings.bag import Topic
 from ..recordings.playback import Bag, Event, open_bag
 from ..recordings.progress import bar
 from ..recordings.wire import IMU, MAGNETIC_FIELD
 from . import messages, qos
+from .life import graph, one_line
 
 INERTIAL = (IMU, MAGNETIC_FIELD)
 WAIT = 5.0  # s; discovery repeats itself every 3 s where its first words were lost
@@ -73,7 +73,7 @@ class Player(Node):
         try:
             return self.create_publisher(_message_type(topic.kind), topic.name, profile)
         except (InvalidTopicNameException, rclpy_implementation.RCLError) as error:
-            raise UsageError(_one_line(error)) from None
+            raise UsageError(one_line(error)) from None
 
     def play(self, rate: float, loop: bool, wait: float, subscribers: int | None) -> None:
         """Play, once or until ROS shuts down, when enough listen or ``wait`` s are over."""
@@ -159,11 +159,6 @@ def _message_type(kind: str) -> type:
     raise UsageError("its type is not installed here.")
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise UsageError(f"{message}; see bag_player --help.")
-
-
 def _number(low: float, high: float) -> Callable[[str], float]:
     """Parses a number between the two."""
 
@@ -179,7 +174,7 @@ def _number(low: float, high: float) -> Callable[[str], float]:
 
 
 def _options(argv: Sequence[str]) -> argparse.Namespace:
-    parser = _Parser(prog="bag_player", description="Play a bag into the ROS graph.", epilog=EPILOG)
+    parser = Parser(prog="bag_player", description="Play a bag into the ROS graph.", epilog=EPILOG)
     parser.add_argument(
         "bag", type=Path, metavar="BAG", help="rosbag2 folder, .mcap, .db3 or ROS 1 .bag"
     )
@@ -216,34 +211,14 @@ def _options(argv: Sequence[str]) -> argparse.Namespace:
     try:
         own = remove_ros_args(argv)
     except Exception as error:
-        raise UsageError(f"the ROS arguments cannot be used: {_one_line(error)}") from None
+        raise UsageError(f"the ROS arguments cannot be used: {one_line(error)}") from None
     return parser.parse_args(own)
-
-
-@contextmanager
-def _graph() -> Iterator[None]:
-    """ROS while the block runs; SIGINT and SIGTERM shut it down."""
-    signal.signal(signal.SIGINT, lambda *_: None)  # no KeyboardInterrupt amid rclpy's C++
-    rclpy.init()
-    try:
-        yield
-    except ParameterException as error:
-        raise UsageError(_one_line(error)) from None
-    except rclpy_implementation.RCLError:
-        if rclpy.ok():  # else a publisher lost the race with the shutdown
-            raise
-    finally:
-        rclpy.try_shutdown()
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())
 
 
 def _play() -> None:
     options = _options(sys.argv[1:])
     try:
-        with open_bag(options.bag) as bag, _graph():
+        with open_bag(options.bag) as bag, graph():
             Player(bag, options.clock).play(
                 options.rate, options.loop, options.wait, options.subscribers
             )

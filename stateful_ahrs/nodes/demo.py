@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple, NoReturn
+from typing import NamedTuple
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
@@ -22,7 +21,8 @@ from rclpy.task import Future
 from sensor_msgs.msg import Imu
 from std_msgs.msg import Float64
 
-from ..errors import AhrsError, UsageError, exit_with_sentence
+from ..command import Parser, exit_with_sentence
+from ..errors import AhrsError, UsageError
 from ..evaluation.live import Tally
 from ..recordings.playback import open_bag
 from ..recordings.wire import QUATERNION
@@ -268,13 +268,8 @@ def _player(path: Path) -> Source:
         )
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise UsageError(f"{message}; see demo --help.")
-
-
 def _demo() -> None:
-    parser = _Parser(
+    parser = Parser(
         prog="demo",
         description="Start a simulated sensor (or a bag) and fusion, watch them, change alpha "
         "half-way, and say how it went. Exit codes: 0 well; 1 not well; 2 usage.",

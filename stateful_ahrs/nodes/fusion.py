@@ -28,6 +28,7 @@ from . import life, messages, qos
 from .diagnostics import ERROR, OK, WARN, Diagnostics, Once, Status
 from .parameters import Parameters, Spec
 
+NO_NORTH = math.pi  # rad: the standard deviation of a yaw that no magnetometer has told
 SILENT = 1.0  # s without a sample before /diagnostics says so
 
 PARAMETERS = [
@@ -81,12 +82,12 @@ class Fusion(Node):
         self._imu_count = self._mag_count = 0
         self._imu_count_before = self._mag_count_before = 0
         self._imu_arrival = self._mag_arrival = -math.inf
-        self._mag_empty = self._lost = 0
+        self._mag_empty = self._mag_unstamped = self._lost = 0
 
-        self._imu_out = self._advertise(Imu, "imu/data")
-        self._axis_out = self._advertise(Vector3Stamped, "imu/axis")
-        self._angle_out = self._advertise(Float64, "imu/angle")
-        self._rpy_out = self._advertise(Vector3Stamped, "imu/rpy")
+        self._imu_out = qos.advertise(self, Imu, "imu/data")
+        self._axis_out = qos.advertise(self, Vector3Stamped, "imu/axis")
+        self._angle_out = qos.advertise(self, Float64, "imu/angle")
+        self._rpy_out = qos.advertise(self, Vector3Stamped, "imu/rpy")
         self._broadcaster = self._transform_broadcaster() if values["publish_tf"] else None
         self._mag_in = self._subscribe(MagneticField, "imu/mag", self._on_mag)
         self._imu_in = self._subscribe(Imu, "imu/data_raw", self._on_imu)
@@ -103,11 +104,6 @@ class Fusion(Node):
             f"filter {values['filter']}, alpha {values['alpha']}, world frame "
             f"{values['world_frame']}: {self._imu_in.topic_name} and {self._mag_in.topic_name} "
             f"→ {self._imu_out.topic_name}"
-        )
-
-    def _advertise(self, kind: type, topic: str) -> Any:
-        return self.create_publisher(
-            kind, topic, qos.PUBLISHER, qos_overriding_options=qos.overridable()
         )
 
     def _subscribe(self, kind: type, topic: str, callback: Any) -> Any:
@@ -140,7 +136,9 @@ class Fusion(Node):
     def _apply(self, values: dict[str, Any]) -> None:
         """Take new values from the next sample on."""
         self._filter.settings = self._settings(values)
-        self._covariance = messages.diagonal(values["orientation_stddev"] ** 2)
+        variance = values["orientation_stddev"] ** 2
+        self._covariance = messages.diagonal(variance)
+        self._covariance_without_north = [*self._covariance[:8], NO_NORTH**2]
 
     # Samples in
 
@@ -162,8 +160,8 @@ class Fusion(Node):
         mag = self._pairing.take(stamp)
         if mag is not None:
             self._filter.update_mag(mag)
-        self._filter.update_imu(gyro, accel, dt)
-        self._publish(msg, stamp, gyro, accel)
+        attitude = self._filter.update_imu(gyro, accel, dt)
+        self._publish(msg, stamp, attitude, gyro, accel)
 
     def _on_mag(self, msg: MagneticField) -> None:
         self._mag_count += 1
@@ -172,7 +170,10 @@ class Fusion(Node):
         if not messages.finite(mag):
             self._mag_empty += 1
             return
-        stamp = messages.nanoseconds(msg.header.stamp) or self._now()
+        stamp = messages.nanoseconds(msg.header.stamp)
+        if stamp == 0:
+            self._mag_unstamped += 1
+            stamp = self._gate.last + 1  # it belongs to the next inertial sample
         if self._pairing.add(stamp, mag):
             self._filter.amend_mag(mag)
 
@@ -191,13 +192,15 @@ class Fusion(Node):
 
     # Orientation out
 
-    def _publish(self, msg: Imu, stamp: int, gyro: Vector, accel: Vector) -> None:
+    def _publish(self, msg: Imu, stamp: int, attitude: Rotor, gyro: Vector, accel: Vector) -> None:
         out = Imu(header=msg.header)
         out.header.stamp = messages.time(stamp)
-        if self._filter.report.started:
-            orientation = self._orientation = self._world.update(self._filter.rotor)
-            out.orientation = messages.quaternion_message(orientation)
-            out.orientation_covariance = self._covariance
+        if self._filter.started:
+            self._orientation = self._world.update(attitude)
+            out.orientation = messages.quaternion_message(self._orientation)
+            out.orientation_covariance = (
+                self._covariance if self._filter.heading_known else self._covariance_without_north
+            )
         else:
             out.orientation_covariance = messages.UNKNOWN
         out.angular_velocity_covariance = msg.angular_velocity_covariance
@@ -211,7 +214,7 @@ class Fusion(Node):
         else:
             out.linear_acceleration_covariance = messages.UNKNOWN
         self._imu_out.publish(out)
-        if self._filter.report.started:
+        if self._filter.started:
             self._publish_derived(out)
 
     def _publish_derived(self, out: Imu) -> None:
@@ -269,6 +272,8 @@ class Fusion(Node):
         now = time.monotonic()
         report = self._filter.report
         settings = self._filter.settings
+        if report.started:
+            self._turn.update(self._orientation)
         imu_age, mag_age = now - self._imu_arrival, now - self._mag_arrival
         values: dict[str, object] = {
             "filter": self._chosen["filter"],
@@ -290,7 +295,9 @@ class Fusion(Node):
             "accel_rejected": report.accel_rejected,
             "mag_rejected": report.mag_rejected,
             "mag_empty": self._mag_empty,
+            "mag_unstamped": self._mag_unstamped,
             "mag_superseded": self._pairing.superseded,
+            "mag_late": self._pairing.late,
             "lost_in_transport": self._lost,
             **{f"stamps_{name}": count for name, count in asdict(self._gate.counts).items()},
         }

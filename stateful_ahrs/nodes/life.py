@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import rclpy
 from rclpy.exceptions import ParameterException
@@ -12,34 +14,46 @@ from rclpy.experimental import EventsExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
-from ..errors import UsageError, exit_with_sentence
+from ..command import exit_with_sentence
+from ..errors import UsageError
 
 
 def run(name: str, make: Callable[[], Node]) -> int:
-    """Initialise ROS, make the node, run it until it is told to end; return the exit code."""
+    """Make the node and run it until it is told to end; return the exit code."""
 
     def command() -> None:
-        try:
-            rclpy.init()
-        except Exception as error:
-            raise UsageError(f"the ROS arguments cannot be used: {_one_line(error)}") from None
-        try:
+        with graph():
+            node = make()
             try:
-                node = make()
-            except ParameterException as error:
-                raise UsageError(_one_line(error)) from None
-            spin(node)
-            node.destroy_node()
-        except (KeyboardInterrupt, ExternalShutdownException):
-            pass
-        finally:
-            rclpy.try_shutdown()
+                spin(node)
+            finally:
+                node.destroy_node()
 
     return exit_with_sentence(name, command)
 
 
+@contextmanager
+def graph() -> Iterator[None]:
+    """ROS while the block runs. SIGINT and SIGTERM shut it down: then the block is to end."""
+    # A KeyboardInterrupt amid rclpy's C++ comes out as another error; rclpy's own handler stays.
+    signal.signal(signal.SIGINT, lambda *_: None)
+    try:
+        rclpy.init()
+    except Exception as error:
+        raise UsageError(f"the ROS arguments cannot be used: {one_line(error)}") from None
+    try:
+        yield
+    except ParameterException as error:
+        raise UsageError(one_line(error)) from None
+    except rclpy_implementation.RCLError:
+        if rclpy.ok():  # else a publisher lost the race with the shutdown
+            raise
+    finally:
+        rclpy.try_shutdown()
+
+
 def spin(node: Node) -> None:
-    """Run the node's callbacks until SIGINT, SIGTERM, or the context ends."""
+    """Run the node's callbacks until ROS shuts down."""
     executor = EventsExecutor()
     executor.add_node(node)
     try:
@@ -47,15 +61,12 @@ def spin(node: Node) -> None:
         # overflows); a loop of finite waits works in every build.
         while rclpy.ok():
             executor.spin_once(timeout_sec=1.0)
-    except (KeyboardInterrupt, ExternalShutdownException):
+    except ExternalShutdownException:
         pass
-    except rclpy_implementation.RCLError:
-        if rclpy.ok():  # else a publisher lost the race with the shutdown
-            raise
     finally:
         executor.shutdown()
 
 
-def _one_line(error: Exception) -> str:
+def one_line(error: Exception) -> str:
     """What the error says, without the places in rcl's sources."""
     return re.sub(r", at /\S+", "", " ".join(str(error).split()))

@@ -6,11 +6,19 @@ they hear either kind. Both can be overridden by ``qos_overrides.<topic>...`` pa
 
 from __future__ import annotations
 
+from typing import Any
+
+from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 PUBLISHER = QoSProfile(depth=100)
 SENSOR_SUBSCRIBER = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+def advertise(node: Node, kind: type, topic: str) -> Any:
+    """A publisher of the node."""
+    return node.create_publisher(kind, topic, PUBLISHER, qos_overriding_options=overridable())
 
 
 def overridable() -> QoSOverridingOptions:

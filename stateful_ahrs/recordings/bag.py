@@ -91,7 +91,7 @@ def _read(
     for c in opened.connections:
         topic = Topic(c.topic, c.msgtype)
         topics[topic] = topics.get(topic, 0) + c.msgcount
-    roles = _choose(file, topics, reference)
+    roles = choose(file, topics, reference)
     streams = {
         role: _Stream(topic, _decoder(role, topic, file, ros1)) for role, topic in roles.items()
     }
@@ -133,7 +133,7 @@ def _read(
     )
 
 
-def _choose(file: str, topics: Mapping[Topic, int], reference: str | None) -> dict[str, Topic]:
+def choose(file: str, topics: Mapping[Topic, int], reference: str | None) -> dict[str, Topic]:
     """Which topic plays which role."""
     there = [topic for topic, count in topics.items() if count]
     listed = f"It has: {', '.join(map(str, topics))}." if topics else "It has no topics."

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import AhrsError, UsageError, exit_with_sentence
+from ..command import Parser, exit_with_sentence
+from ..errors import AhrsError, UsageError
 from ..filters.samples import Stamps
 from .load import load
 from .progress import bar
@@ -19,7 +20,11 @@ from .write import write
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Exit code 0: all done; 1: a recording could not be used; 2: usage."""
-    parser = argparse.ArgumentParser(prog="convert", description=__doc__.split(": ", 1)[1])
+    return exit_with_sentence("convert", lambda: _convert(_options(argv)))
+
+
+def _options(argv: Sequence[str] | None) -> argparse.Namespace:
+    parser = Parser(prog="convert", description="Convert recordings to rosbag2.")
     parser.add_argument(
         "inputs",
         nargs="+",
@@ -38,8 +43,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--storage", choices=("mcap", "sqlite3"), default="mcap")
     parser.add_argument("--reference", metavar="TOPIC", help="the true orientation in the inputs")
     parser.add_argument("--overwrite", action="store_true", help="replace bags that exist")
-    options = parser.parse_args(argv)
-    return exit_with_sentence("convert", lambda: _convert(options))
+    return parser.parse_args(argv)
 
 
 def _convert(options: argparse.Namespace) -> int:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from ..errors import RecordingError
-from .bag import Topic, _choose
+from .bag import Topic, choose
 from .opening import BAGS, damage_told, is_ros1, reader, require
 from .wire import BOOL, IMU, LAYOUTS
 
@@ -53,7 +53,7 @@ class Bag:
     @property
     def roles(self) -> dict[str, Topic]:
         """Which topics are ``imu``, ``mag`` and ``reference``, chosen as `load_bag` does."""
-        return _choose(self.name, self.topics, None)
+        return choose(self.name, self.topics, None)
 
     def events(
         self, topics: Collection[Topic], rate: float = 1.0, clock: float = 0.0

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from ..rotor import Rotor, Vector
+from ..rotor import IDENTITY, Rotor, Vector
 
 # Below this sine of the angle between field and gravity (0.06°) there is no north to be had.
 PARALLEL = 1e-3
@@ -26,13 +26,13 @@ def dcm(accel: Vector, mag: Vector) -> tuple[bool, Rotor]:
     square = ax * ax + ay * ay + az * az
     field = mx * mx + my * my + mz * mz
     if not (1e-24 < square < 1e24 and 1e-24 < field < 1e24):
-        return False, (1.0, 0.0, 0.0, 0.0)
+        return False, IDENTITY
     s = 1.0 / math.sqrt(square)
-    ax, ay, az = s * ax, s * ay, s * az  # up
+    ax, ay, az = s * ax, s * ay, s * az  # up; these three are the columns of eq. 5
     cx, cy, cz = ay * mz - az * my, az * mx - ax * mz, ax * my - ay * mx
     square = cx * cx + cy * cy + cz * cz
     if not square > PARALLEL * PARALLEL * field:
-        return False, (1.0, 0.0, 0.0, 0.0)
+        return False, IDENTITY
     s = 1.0 / math.sqrt(square)
     cx, cy, cz = s * cx, s * cy, s * cz  # west
     mx, my, mz = cy * az - cz * ay, cz * ax - cx * az, cx * ay - cy * ax  # north
@@ -42,7 +42,7 @@ def dcm(accel: Vector, mag: Vector) -> tuple[bool, Rotor]:
     d2 = 1.0 - mx + cy - az
     d3 = 1.0 - mx - cy + az
     largest = max(d0, d1, d2, d3)
-    s = 0.5 / math.sqrt(largest)  # eq. 9
+    s = 0.5 / math.sqrt(largest)  # eq. 9, with the columns of eq. 6 and 8
     if largest == d0:
         return True, (s * d0, s * (ay - cz), s * (mz - ax), s * (cx - my))
     if largest == d1:

@@ -33,9 +33,10 @@ NORTH = (20e-6, 0.0, -40e-6)
 class Sensor:
     """Publishes samples by hand."""
 
-    def __init__(self, graph: Graph) -> None:
+    def __init__(self, graph: Graph, field=NORTH) -> None:
         self._imu = graph.speak(Imu, "imu/data_raw")
-        self._mag = graph.speak(MagneticField, "imu/mag")
+        self.fields = graph.speak(MagneticField, "imu/mag") if field else None
+        self._field = field
         self.heard = graph.hear(Imu, "imu/data")
         until(lambda: graph.node.count_publishers("imu/data") > 0, "imu/data")
         self.sent = 0
@@ -49,7 +50,8 @@ class Sensor:
         self.send(START - 100 * SECOND + self.sent * PERIOD)
         return bool(self.heard)
 
-    def send(self, stamp, gyro=(0.0, 0.0, 0.0), accel=LEVEL, mag=NORTH, mag_first=True):
+    def send(self, stamp, gyro=(0.0, 0.0, 0.0), accel=LEVEL, mag=(), mag_first=True):
+        mag = self._field if mag == () else mag
         imu = Imu()
         imu.header.frame_id = "imu_link"
         imu.header.stamp.sec, imu.header.stamp.nanosec = divmod(stamp, SECOND)
@@ -58,11 +60,11 @@ class Sensor:
         field = MagneticField(header=imu.header)
         if mag is not None and mag_first:
             field.magnetic_field.x, field.magnetic_field.y, field.magnetic_field.z = mag
-            self._mag.publish(field)
+            self.fields.publish(field)
         self._imu.publish(imu)
         if mag is not None and not mag_first:
             field.magnetic_field.x, field.magnetic_field.y, field.magnetic_field.z = mag
-            self._mag.publish(field)
+            self.fields.publish(field)
         self.sent += 1
 
     def send_all(self, stamps, **sample):
@@ -230,27 +232,33 @@ def test_the_order_in_which_a_pair_arrives_does_not_matter(graph, sensor):
 
 def test_without_a_magnetometer_every_sample_is_answered_and_diagnostics_say_so(graph):
     graph.start("fusion")
-    imu = graph.speak(Imu, "imu/data_raw")
-    heard = graph.hear(Imu, "imu/data")
+    sensor = Sensor(graph, field=None)
+    answer = sensor.send_all(ticks(100))
+    assert len(sensor.heard) == 100
+    # yaw 0 in ENU as long as nothing tells north, and no idea of the true one
+    assert rotor_of(answer.orientation) == pytest.approx((1.0, 0.0, 0.0, 0.0), abs=1e-9)
+    assert answer.orientation_covariance[8] == pytest.approx(math.pi**2)
+    assert answer.orientation_covariance[0] < 0.01
     diagnostics = graph.hear(DiagnosticArray, "/diagnostics")
-    message = Imu()
-    message.linear_acceleration.z = 9.81
-    sent = 0
 
     def warned():
-        nonlocal sent
-        sent += 1
-        message.header.stamp.sec, message.header.stamp.nanosec = divmod(
-            START + sent * PERIOD, SECOND
-        )
-        imu.publish(message)
+        sensor.send(START + sensor.sent * PERIOD)
         return "No sample on /imu/mag yet (0 publishers)" in status(diagnostics, "fusion")[1]
 
     until(warned, "the warning")
     assert status(diagnostics, "fusion")[2]["heading"] == "gyroscope"
-    assert len(heard) > 0.5 * sent  # the first ones came before the two had found each other
-    # yaw 0 in ENU as long as nothing tells north
-    assert rotor_of(heard[-1].orientation) == pytest.approx((1.0, 0.0, 0.0, 0.0), abs=1e-9)
+
+
+def test_a_magnetometer_without_stamps_serves_the_next_sample(graph, sensor):
+    sensor.send_all(ticks(3))
+    unstamped = MagneticField()
+    unstamped.magnetic_field.y = -20e-6  # facing east
+    for i in range(3, 300):
+        sensor.fields.publish(unstamped)
+        sensor.send_all([START + i * PERIOD], mag=None)
+    east = rotor_of(sensor.heard[-1].orientation)
+    assert difference(east, rotor_of(sensor.heard[0].orientation)) > 0.5
+    assert int(counts(graph)[2]["mag_unstamped"]) == 297
 
 
 def test_two_sensors_on_one_topic_are_an_error(graph, sensor):
@@ -414,6 +422,9 @@ def test_axis_angle_and_euler_angles_follow_the_orientation(graph):
         i += 1
     axis, angle, rpy = derived
     until(lambda: angle[-1].data == pytest.approx(4 * math.pi, abs=0.01), "an angle of 4π")
+    values = counts(graph)[2]
+    assert float(values["angle_rad"]) == pytest.approx(4 * math.pi, abs=0.01)
+    assert [float(part) for part in values["axis"].split()] == pytest.approx([0, 0, 1], abs=0.01)
     assert axis[-1].vector.z == pytest.approx(1.0, abs=0.01)
     assert rpy[-1].vector.z == pytest.approx(0.0, abs=0.01)
     assert axis[-1].header.frame_id == "imu_link"

@@ -1,0 +1,185 @@
+"""The reader goes on whatever happens to the device; real time, a simulated chip."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import pairwise
+
+import pytest
+from faulty import FaultyBus
+
+from stateful_ahrs.errors import DeviceError
+from stateful_ahrs.mpu9250 import reader as module
+from stateful_ahrs.mpu9250.burst import Reading
+from stateful_ahrs.mpu9250.chip import Settings
+from stateful_ahrs.mpu9250.chip_source import ChipSource
+from stateful_ahrs.mpu9250.monitor import Level
+from stateful_ahrs.mpu9250.motion import motion
+from stateful_ahrs.mpu9250.reader import Reader
+from stateful_ahrs.mpu9250.simulator import SimulatedMpu9250
+
+PATIENCE = 20.0  # s; a loaded machine is slow
+
+
+class Desk:
+    """A reader at work, and what it reported."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.sim = SimulatedMpu9250(motion("tumble"))
+        self.bus = FaultyBus(self.sim)
+        self.opened: list[float] = []
+        self.readings: list[tuple[Reading, int, int]] = []
+        self.changes: list[DeviceError | None] = []
+        self._news = threading.Condition()
+        self.source = ChipSource(self._open, settings)
+        self.source.open()
+        self.reader = Reader(self.source, self._on_reading, self._on_change)
+
+    def _open(self) -> FaultyBus:
+        self.opened.append(time.monotonic())
+        return self.bus
+
+    def _on_reading(self, reading: Reading, stamp: int) -> None:
+        with self._news:
+            self.readings.append((reading, stamp, time.time_ns()))
+            self._news.notify_all()
+
+    def _on_change(self, error: DeviceError | None) -> None:
+        with self._news:
+            self.changes.append(error)
+            self._news.notify_all()
+
+    def until(self, condition) -> None:
+        with self._news:
+            assert self._news.wait_for(condition, PATIENCE)
+
+    def more(self, count: int) -> None:
+        """Wait for so many further readings."""
+        enough = len(self.readings) + count
+        self.until(lambda: len(self.readings) >= enough)
+
+    @property
+    def stamps(self) -> list[int]:
+        return [stamp for _, stamp, _ in self.readings]
+
+
+@contextmanager
+def working(settings: Settings = Settings(200.0)) -> Iterator[Desk]:
+    desk = Desk(settings)
+    desk.reader.start()
+    try:
+        desk.more(20)
+        yield desk
+    finally:
+        desk.reader.end()
+
+
+MODES = pytest.mark.parametrize(
+    "settings", [Settings(200.0), Settings(1000.0, fifo=True)], ids=["poll", "fifo"]
+)
+
+
+@MODES
+def test_stamps_are_the_time_at_which_samples_were_taken(settings: Settings):
+    with working(settings) as desk:
+        desk.more(200)
+    assert all(a < b for a, b in pairwise(desk.stamps))
+    ages = sorted(now - stamp for _, stamp, now in desk.readings[100:])
+    assert ages[0] > -2_000_000  # a FIFO's last is at most a period old, and its least is the map
+    assert ages[len(ages) // 2] < 10_000_000
+
+
+@MODES
+def test_a_device_that_goes_and_comes_is_reported_once_each_and_goes_on_in_time(
+    settings: Settings,
+):
+    with working(settings) as desk:
+        desk.bus.unplugged = True
+        desk.until(lambda: desk.changes)
+        assert desk.reader.verdict(1.0)[0] is Level.ERROR
+        gone = len(desk.readings)
+        time.sleep(0.5)  # some tries in vain
+        desk.bus.unplugged = False
+        desk.sim.power_cycle()
+        desk.until(lambda: desk.changes[1:])
+        desk.more(20)
+        assert desk.reader.verdict(1.0)[0] is not Level.ERROR
+        back = desk.readings[gone:]
+    assert [error is None for error in desk.changes] == [False, True]
+    assert "no device answers" in str(desk.changes[0])
+    assert all(a < b for a, b in pairwise(desk.stamps))
+    assert back[0][1] == pytest.approx(back[0][2], abs=50_000_000)  # now, not where it was left
+    assert back[0][0].accel[2] != 0.0
+
+
+def test_pauses_between_tries_grow(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(module, "LONGEST_PAUSE", 0.4)
+    with working() as desk:
+        desk.bus.unplugged = True
+        desk.until(lambda: desk.changes)
+        end = time.monotonic() + PATIENCE
+        while len(desk.opened) < 7:
+            assert time.monotonic() < end
+            time.sleep(0.01)
+    pauses = [b - a for a, b in pairwise(desk.opened[1:7])]
+    for pause, least in zip(pauses, (0.2, 0.4, 0.4, 0.4, 0.4), strict=True):
+        assert least <= pause < least + 0.3
+    assert len(desk.changes) == 1
+
+
+def test_frozen_data_is_a_loss_and_none_of_it_is_passed_on_until_it_changes():
+    with working() as desk:
+        desk.bus.frozen = True
+        desk.until(lambda: desk.changes)
+        frozen = len(desk.readings)
+        end = time.monotonic() + PATIENCE
+        while len(desk.opened) < 3:
+            assert time.monotonic() < end
+            time.sleep(0.01)
+        assert len(desk.readings) == frozen
+        desk.bus.frozen = False
+        desk.until(lambda: desk.changes[1:])
+    assert "the same counts" in str(desk.changes[0])
+    assert desk.changes[1:] == [None]
+    assert len({(r.gyro, r.accel) for r, _, _ in desk.readings[:frozen]}) > frozen - 60
+
+
+@pytest.mark.parametrize("fault", ["stuck", "power"])
+def test_a_stuck_bus_and_a_brown_out_end_by_themselves(fault: str):
+    with working() as desk:
+        if fault == "stuck":
+            desk.bus.stuck = True
+        else:
+            desk.sim.power_cycle()
+        desk.until(lambda: desk.changes)
+        desk.bus.stuck = False
+        desk.until(lambda: desk.changes[1:])
+        begin = len(desk.readings)
+        desk.more(50)
+    assert any(reading.mag is not None for reading, _, _ in desk.readings[begin:])
+    assert all(a < b for a, b in pairwise(desk.stamps))
+
+
+@pytest.mark.parametrize("state", ["well", "lost", "slow"])
+def test_it_ends_within_a_second_in_any_state(state: str):
+    with working() as desk:
+        if state == "lost":
+            desk.bus.unplugged = True
+            desk.until(lambda: desk.changes)
+        elif state == "slow":
+            desk.bus.latency = 0.1
+        begin = time.monotonic()
+        desk.reader.end()
+        assert time.monotonic() - begin < 1.0
+
+
+def test_jitter_and_clocks_are_reported():
+    with working() as desk:
+        desk.more(200)
+        _, _, values = desk.reader.verdict(1.0)
+    assert 0.0 < values["stamp_jitter_ms"] < 5.0
+    assert values["stamp_jitter_largest_ms"] >= values["stamp_jitter_ms"]
+    assert values["device_clock_restarts"] == values["host_clock_steps"] == 0
