@@ -146,3 +146,16 @@ def test_no_tracked_file_names_a_path_of_someones_machine():
     personal = re.compile(rb"(?<![\w./-])/(?:home|root|work|Users)/\w")
     files = [ROOT / name for name in tracked.stdout.decode().split("\0") if name]
     assert [file for file in files if file.is_file() and personal.search(file.read_bytes())] == []
+
+
+def test_the_parameter_file_for_fusion_repeats_its_defaults():
+    pytest.importorskip("rclpy", reason="ROS 2 is neither sourced nor installed from PyPI")
+    from stateful_ahrs.nodes.fusion import PARAMETERS
+
+    text = (ROOT / "config" / "fusion.yaml").read_text()
+    given = dict(re.findall(r"^    (\w+): (\S+)", text, re.MULTILINE))
+    defaults = {spec.name: str(spec.default) for spec in PARAMETERS}
+    assert {
+        name: value.replace("true", "True").replace("false", "False")
+        for name, value in given.items()
+    }.items() <= defaults.items()

@@ -49,12 +49,12 @@ class Filter(Protocol):
         """What /diagnostics shows."""
 
 
-AS_IN_THE_PAPER: dict[str, Any] = {"normalise": False, "average_start": False}
+AS_PUBLISHED: dict[str, Any] = {"normalise": False, "average_start": False}
 
 FILTERS: dict[str, Callable[[Settings], Filter]] = {
     "stateful": StatefulFilter,
-    "paper": partial(StatefulFilter, **AS_IN_THE_PAPER),
-    "paper_stateless": partial(StatefulFilter, **AS_IN_THE_PAPER, stateful=False),
+    "paper": partial(StatefulFilter, **AS_PUBLISHED),
+    "paper_stateless": partial(StatefulFilter, **AS_PUBLISHED, stateful=False),
 }
 
 
