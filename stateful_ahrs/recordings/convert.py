@@ -105,3 +105,7 @@ def _rate(stamps: Stamps) -> str:
         return "none" if not len(stamps) else "once"
     step = float(np.median(np.diff(stamps))) * 1e-9
     return f"{1.0 / step:.1f} Hz" if step > 0.0 else "0 Hz"
+
+
+if __name__ == "__main__":
+    sys.exit(main())
