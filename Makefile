@@ -9,7 +9,7 @@ CONSTRAINTS ?=
 
 comma   := ,
 ROS     := $(or $(ROS_DISTRO),pypi)
-EXTRAS  := bags,fast,plot,test,lint$(if $(ROS_DISTRO),,$(comma)jazzy)
+EXTRAS  := bags,fast,plot,i2c,serial,test,lint$(if $(ROS_DISTRO),,$(comma)jazzy)
 CREATED := $(VENV)/.created-for-$(ROS)
 READY   := $(VENV)/.ready-for-$(ROS)
 RUN     := $(VENV)/bin/python
@@ -19,6 +19,7 @@ NAMES    = $(shell sed -n 's/.*"\([a-z_]*\) = stateful_ahrs\..*/\1/p' setup.py)
 
 # `ros2 run` and `ros2 launch` look in a prefix; an editable install leaves these places empty,
 # so $(READY) links them.
+export BAG
 export AMENT_PREFIX_PATH := $(abspath $(VENV))$(addprefix :,$(AMENT_PREFIX_PATH))
 
 .PHONY: setup demo test test-ubuntu lint clean
@@ -26,7 +27,7 @@ export AMENT_PREFIX_PATH := $(abspath $(VENV))$(addprefix :,$(AMENT_PREFIX_PATH)
 setup: $(READY)
 
 demo: $(READY)
-	@$(RUN) -m stateful_ahrs.nodes.demo --duration $(DURATION) $(if $(BAG),--bag '$(BAG)')
+	@$(RUN) -m stateful_ahrs.nodes.demo --duration $(DURATION) $(if $(BAG),--bag "$$BAG")
 
 test: $(READY)
 	@$(RUN) -m pytest
@@ -77,7 +78,7 @@ endif
 	    " python3-venv)$(if $(ROS_DISTRO), and the rclpy of the sourced ROS 2 Jazzy)." \
 	    " Name another with make PYTHON=... Tried:\n$$tried" >&2; exit 1
 
-$(READY): $(CREATED) setup.py $(CONSTRAINTS)
+$(READY): $(CREATED) setup.py Makefile $(CONSTRAINTS)
 	@$(RUN) -m pip install -qq --disable-pip-version-check -e '.[$(EXTRAS)]' $(CONSTRAINTS:%=-c %)
 	@mkdir -p $(VENV)/lib/stateful_ahrs $(SHARE)/stateful_ahrs $(INDEX)
 	@ln -sf $(NAMES:%=../../bin/%) $(VENV)/lib/stateful_ahrs

@@ -37,6 +37,11 @@ def generate_launch_description() -> LaunchDescription:
 
 def fusion(context: LaunchContext) -> list[Node]:
     """The node, with the arguments that were given on top of its parameter file."""
+    alpha = LaunchConfiguration("alpha").perform(context)
+    try:
+        float(alpha or 0.0)
+    except ValueError:
+        raise RuntimeError(f"alpha must be a number between 0 and 1, got {alpha!r}.") from None
     given = {
         name: ParameterValue(LaunchConfiguration(name), value_type=kind)
         for name, (kind, _) in PARAMETERS.items()

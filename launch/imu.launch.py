@@ -9,5 +9,5 @@ from launch.actions import IncludeLaunchDescription
 def generate_launch_description() -> LaunchDescription:
     return LaunchDescription(
         IncludeLaunchDescription(str(Path(__file__).with_name(file)))
-        for file in ("driver.launch.py", "fusion.launch.py")
+        for file in ("fusion.launch.py", "driver.launch.py")  # a wrong alpha starts neither
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import io
 import sys
 from collections.abc import Callable
 from typing import NoReturn
@@ -20,6 +21,9 @@ class Parser(argparse.ArgumentParser):
 
 def exit_with_sentence(name: str, command: Callable[[], int | None]) -> int:
     """Run a command; turn a package error into ``name: sentence`` on stderr and its exit code."""
+    for stream in (sys.stdout, sys.stderr):  # where there are no Greek letters, no error either
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
     try:
         return command() or 0
     except AhrsError as error:

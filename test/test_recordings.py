@@ -421,5 +421,5 @@ def test_a_missing_library_is_a_sentence_that_says_what_to_install(
 ):
     (tmp_path / file).write_bytes(b"x")
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(AhrsError, match=r"needs the Python package .*stateful_ahrs\[bags\]"):
+    with pytest.raises(AhrsError, match=r"needs the Python package rosbags: pip install rosbags"):
         load(tmp_path / file)

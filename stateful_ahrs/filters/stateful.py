@@ -65,6 +65,9 @@ class Settings:
     use_mag: bool = True
     mag_timeout: float = 0.5  # older than this a magnetometer sample is stale
     north_at_start: Vector = NORTH  # sensor axis taken for north until a magnetometer tells
+    # Of `learning` alone, which learns the gyroscope's bias in any case; False keeps what is known:
+    learn_misalignment: bool = True  # of the gyroscope's axes, and their scale
+    learn_mag: bool = True  # the magnetometer's delay and the hard iron left over
 
     def __post_init__(self) -> None:
         """Refuse what makes no filter."""
@@ -120,6 +123,9 @@ class State(NamedTuple):
     gyro_rejected: int = 0
     accel_rejected: int = 0
     mag_rejected: int = 0
+
+
+COUNTS = ("sign_corrections", "gyro_rejected", "accel_rejected", "mag_rejected")
 
 
 @dataclass(frozen=True)
@@ -241,6 +247,7 @@ class StatefulFilter:
     def __init__(self, settings: Settings = Settings(), **fixed: Any) -> None:
         self._fixed = fixed
         self.settings = settings
+        self._state = State()
         self.reset()
 
     @property
@@ -263,8 +270,9 @@ class StatefulFilter:
         )
 
     def reset(self) -> None:
-        """Forget everything; the next sample starts anew."""
-        self._state = self._before = State()
+        """Forget everything but the counts; the next sample starts anew."""
+        counts = {name: getattr(self._state, name) for name in COUNTS}
+        self._state = self._before = State(**counts)
         self._mag = NO_MAG
         self._inputs: tuple[Vector, Vector, float] | None = None
 
@@ -293,6 +301,7 @@ class StatefulFilter:
     def run(self, samples: Samples) -> Array:
         """Rotors (n, 4) for a whole recording, from a fresh start; compiled where numba is."""
         rotors = np.empty((len(samples), 4))
+        self._state = State()
         self.reset()
         self._state = run_steps(step)(
             self._state,

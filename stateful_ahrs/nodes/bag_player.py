@@ -31,7 +31,7 @@ from .life import graph, one_line
 
 INERTIAL = (IMU, MAGNETIC_FIELD)
 WAIT = 5.0  # s; discovery repeats itself every 3 s where its first words were lost
-SETTLED = 0.3  # s without a further subscriber: those that exist are matched
+SETTLED = 1.0  # s without a further subscriber: those that exist are matched, on both sides
 LINGER = 500_000_000  # ns; a best-effort subscriber loses what it has not taken when we vanish
 ACKNOWLEDGED = 5.0  # s; a subscriber that needs longer at the end does not read
 TENTH = 100_000_000  # ns, between two reports of progress; no loop is shorter

@@ -36,6 +36,7 @@ MOTION = "tumble"
 NEW_ALPHA = 0.99
 HIGHEST_ERROR = 1.5  # degrees, at the end, against the simulator's truth
 START_UP = 30.0  # s
+SILENCE = 4.0  # s without an orientation from the simulated sensor: somebody hangs
 WAIT = 10.0  # s, of the bag player for fusion and the demo
 LAST_WORDS = 5.0  # s after the end, for the answer about alpha and the last diagnostics
 
@@ -62,6 +63,8 @@ class Listener(Node):
         self.fusion: dict[str, str] = {}  # the values of its last diagnostics
         self.fusion_says = ""
         self.diagnosed = -math.inf  # when it did
+        self.oriented = -math.inf  # when the last orientation came
+        self.missed = "0"  # samples that the driver was too late for
         self.answer = ""
         self.accepted = False
         self._asked: Future | None = None
@@ -106,6 +109,7 @@ class Listener(Node):
         self.create_subscription(kind, topic, callback, qos.SENSOR_SUBSCRIBER)
 
     def _on_orientation(self, msg: Imu) -> None:
+        self.oriented = time.monotonic()
         if msg.orientation_covariance[0] != -1.0:
             self.tally.add(messages.nanoseconds(msg.header.stamp), _rotor(msg.orientation))
 
@@ -123,6 +127,8 @@ class Listener(Node):
 
     def _on_diagnostics(self, msg: DiagnosticArray) -> None:
         for status in msg.status:
+            if status.name.startswith("imu_driver:"):
+                self.missed = next((kv.value for kv in status.values if kv.key == "missed"), "0")
             if status.name.startswith("fusion:"):
                 values = {pair.key: pair.value for pair in status.values}
                 if values["heading"] != self.fusion.get("heading"):
@@ -187,6 +193,8 @@ class Demo:
                     self._check_start(now - begin, listener)
                     continue
                 first = now
+            if self._simulated and now - listener.oriented > SILENCE:
+                raise AhrsError(f"no orientation for {SILENCE:g} s: {listener.fusion_says}")
             view.show(listener, now - first)
             if now - first >= self._half:
                 listener.set_alpha()
@@ -210,7 +218,7 @@ class Demo:
         """Print the summary; `AhrsError` if something did not go well."""
         tally, simulated = listener.tally, self._simulated
         if simulated:
-            lost = f"{tally.lost} lost"
+            lost = f"{tally.lost} lost; {listener.missed} missed by the driver before"
         elif self._bag_ended:
             arrived = int(listener.fusion.get("imu_samples", 0))
             lost = f"{arrived} of the bag's {self._source.samples} reached fusion"

@@ -23,6 +23,7 @@ class Diagnostics:
         self._name = f"{node.get_fully_qualified_name().lstrip('/')}: {task}"
         self._hardware_id = hardware_id
         self._status = status
+        self._level = OK
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._last = self._clock.now().nanoseconds
@@ -33,6 +34,12 @@ class Diagnostics:
         now = self._clock.now().nanoseconds
         level, message, values = self._status((now - self._last) * 1e-9)
         self._last = now
+        if level != self._level:  # a change is worth a line on the console
+            self._level = level
+            if level == OK:
+                self._node.get_logger().info(message)
+            else:
+                self._node.get_logger().warning(message)
         status = DiagnosticStatus(
             level=level, name=self._name, message=message, hardware_id=self._hardware_id
         )
@@ -45,6 +52,8 @@ class Diagnostics:
 def _text(value: object) -> str:
     if isinstance(value, bool):
         return str(value).lower()
+    if isinstance(value, tuple):
+        return " ".join(map(_text, value))
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 import sys
 import time
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from typing import Any
 
 from geometry_msgs.msg import TransformStamped, Vector3Stamped
 from rclpy.clock import JumpThreshold, TimeJump
 from rclpy.duration import Duration
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from sensor_msgs.msg import Imu, MagneticField
 from std_msgs.msg import Float64
@@ -29,6 +28,7 @@ from .diagnostics import ERROR, OK, WARN, Diagnostics, Once, Status
 from .parameters import Parameters, Spec
 
 NO_NORTH = math.pi  # rad: the standard deviation of a yaw that no magnetometer has told
+REPORTED = len(fields(filters.Report))  # what follows in a report is the filter's own
 SILENT = 1.0  # s without a sample before /diagnostics says so
 
 PARAMETERS = [
@@ -54,6 +54,8 @@ PARAMETERS = [
         live=True,
     ),
     Spec("use_mag", True, "false: heading follows the gyroscope", live=True),
+    Spec("learn_misalignment", True, "filter learning: false keeps what is known", live=True),
+    Spec("learn_mag", True, "its magnetometer's delay and hard iron, likewise", live=True),
     Spec("world_frame", "enu", "enu, nwu or ned: axes of the frame that orientation is given in"),
     Spec("magnetic_declination", 0.0, "rad, from true to magnetic north, east positive"),
     Spec("orientation_stddev", 0.03, "rad, for the covariance of the orientation", live=True),
@@ -82,6 +84,7 @@ class Fusion(Node):
         self._imu_count = self._mag_count = 0
         self._imu_count_before = self._mag_count_before = 0
         self._imu_arrival = self._mag_arrival = -math.inf
+        self._reported = self._filter.report
         self._mag_empty = self._mag_unstamped = self._lost = 0
 
         self._imu_out = qos.advertise(self, Imu, "imu/data")
@@ -89,8 +92,8 @@ class Fusion(Node):
         self._angle_out = qos.advertise(self, Float64, "imu/angle")
         self._rpy_out = qos.advertise(self, Vector3Stamped, "imu/rpy")
         self._broadcaster = self._transform_broadcaster() if values["publish_tf"] else None
-        self._mag_in = self._subscribe(MagneticField, "imu/mag", self._on_mag)
-        self._imu_in = self._subscribe(Imu, "imu/data_raw", self._on_imu)
+        self._mag_in = qos.subscribe(self, MagneticField, "imu/mag", self._on_mag, self._on_lost)
+        self._imu_in = qos.subscribe(self, Imu, "imu/data_raw", self._on_imu, self._on_lost)
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_service(Trigger, "~/calibrate_gyro", self._on_calibrate_gyro)
         self._jump_handle = self.get_clock().create_jump_callback(
@@ -104,16 +107,6 @@ class Fusion(Node):
             f"filter {values['filter']}, alpha {values['alpha']}, world frame "
             f"{values['world_frame']}: {self._imu_in.topic_name} and {self._mag_in.topic_name} "
             f"→ {self._imu_out.topic_name}"
-        )
-
-    def _subscribe(self, kind: type, topic: str, callback: Any) -> Any:
-        return self.create_subscription(
-            kind,
-            topic,
-            callback,
-            qos.SENSOR_SUBSCRIBER,
-            event_callbacks=SubscriptionEventCallbacks(message_lost=self._on_lost),
-            qos_overriding_options=qos.overridable(),
         )
 
     # Parameters
@@ -130,6 +123,8 @@ class Fusion(Node):
             alpha_rate=values["alpha_rate"],
             stateful=values["stateful"],
             use_mag=values["use_mag"],
+            learn_misalignment=values["learn_misalignment"],
+            learn_mag=values["learn_mag"],
             north_at_start=world.north_at_zero_yaw,
         )
 
@@ -294,6 +289,7 @@ class Fusion(Node):
             "gyro_rejected": report.gyro_rejected,
             "accel_rejected": report.accel_rejected,
             "mag_rejected": report.mag_rejected,
+            **{own.name: getattr(report, own.name) for own in fields(report)[REPORTED:]},
             "mag_empty": self._mag_empty,
             "mag_unstamped": self._mag_unstamped,
             "mag_superseded": self._pairing.superseded,
@@ -301,14 +297,23 @@ class Fusion(Node):
             "lost_in_transport": self._lost,
             **{f"stamps_{name}": count for name, count in asdict(self._gate.counts).items()},
         }
+        samples = self._imu_count - self._imu_count_before
+        rejected = {
+            "gyroscope": report.gyro_rejected - self._reported.gyro_rejected,
+            "accelerometer": report.accel_rejected - self._reported.accel_rejected,
+        }
         self._imu_count_before, self._mag_count_before = self._imu_count, self._mag_count
+        self._reported = report
         if imu_age > SILENT:
             return ERROR, self._silence(self._imu_in.topic_name, imu_age), values
         for topic in (self._imu_in.topic_name, self._mag_in.topic_name):
             if (publishers := self.count_publishers(topic)) > 1:
-                return ERROR, f"{publishers} publishers on {topic}: sensors are mixed.", values
+                return WARN, f"{publishers} publishers on {topic}: sensors are mixed.", values
         if not report.started:
             return ERROR, "No usable accelerometer sample yet: orientation unknown.", values
+        for sensor, count in rejected.items():
+            if 2 * count > samples > 0:
+                return WARN, f"{count} of the last {samples} {sensor} samples are useless.", values
         if not settings.use_mag:
             return OK, "Six axes by choice: heading follows the gyroscope.", values
         if mag_age > SILENT:
@@ -326,7 +331,7 @@ class Fusion(Node):
 
 def main() -> None:
     """Run the node."""
-    sys.exit(life.run("fusion", Fusion))
+    sys.exit(life.run("fusion", Fusion, PARAMETERS))
 
 
 if __name__ == "__main__":

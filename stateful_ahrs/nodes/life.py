@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 import signal
-from collections.abc import Callable, Iterator
+import sys
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
 import rclpy
@@ -13,15 +14,28 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
+from rclpy.utilities import remove_ros_args
 
 from ..command import exit_with_sentence
 from ..errors import UsageError
+from .parameters import Spec
 
 
-def run(name: str, make: Callable[[], Node]) -> int:
+def run(name: str, make: Callable[[], Node], specs: Iterable[Spec]) -> int:
     """Make the node and run it until it is told to end; return the exit code."""
 
     def command() -> None:
+        own = remove_ros_args(sys.argv)[1:]
+        if own and own[0] in ("-h", "--help"):
+            print(f"usage: {name} [--ros-args -p NAME:=VALUE ...]\n\nParameters:")
+            for spec in specs:
+                print(f"  {spec.name} ({spec.default!r}): {spec.description}")
+            return
+        if own:
+            raise UsageError(
+                f"unexpected argument {own[0]!r}: parameters are given as "
+                f"--ros-args -p NAME:=VALUE; see {name} --help."
+            )
         with graph():
             node = make()
             try:
@@ -40,6 +54,11 @@ def graph() -> Iterator[None]:
     try:
         rclpy.init()
     except Exception as error:
+        if "log directory" in str(error):
+            raise UsageError(
+                f"ROS cannot write its log: {one_line(error)}. "
+                "Set ROS_LOG_DIR to a folder that you may write."
+            ) from None
         raise UsageError(f"the ROS arguments cannot be used: {one_line(error)}") from None
     try:
         yield

@@ -94,6 +94,8 @@ def _checked(spec: Spec, value: Value) -> Value:
         remedy = ""
         if isinstance(spec.default, float) and type(value) is int:
             remedy = f": write {value}.0 instead of {value}"
+        elif isinstance(spec.default, int) and type(value) is float and value.is_integer():
+            remedy = f": write {value:.0f} instead of {value}"
         raise UsageError(f"{spec.name} must be {kind[type(spec.default)]}, {found}{remedy}.")
     if spec.limits is not None and not spec.limits[0] <= value <= spec.limits[1]:
         low, high = spec.limits

@@ -6,21 +6,45 @@ they hear either kind. Both can be overridden by ``qos_overrides.<topic>...`` pa
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
+from ..errors import UsageError
+
+OVERRIDABLE = QoSOverridingOptions.with_default_policies()  # history, depth, reliability
 PUBLISHER = QoSProfile(depth=100)
 SENSOR_SUBSCRIBER = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 def advertise(node: Node, kind: type, topic: str) -> Any:
-    """A publisher of the node."""
-    return node.create_publisher(kind, topic, PUBLISHER, qos_overriding_options=overridable())
+    """A publisher of the node; `UsageError` if its QoS was overridden with what is none."""
+    with _refused(topic):
+        return node.create_publisher(kind, topic, PUBLISHER, qos_overriding_options=OVERRIDABLE)
 
 
-def overridable() -> QoSOverridingOptions:
-    """Let users override history, depth and reliability by parameters."""
-    return QoSOverridingOptions.with_default_policies()
+def subscribe(node: Node, kind: type, topic: str, callback: Any, on_lost: Any) -> Any:
+    """A sensor subscription; ``on_lost`` hears of samples that the middleware lost."""
+    with _refused(topic):
+        return node.create_subscription(
+            kind,
+            topic,
+            callback,
+            SENSOR_SUBSCRIBER,
+            event_callbacks=SubscriptionEventCallbacks(message_lost=on_lost),
+            qos_overriding_options=OVERRIDABLE,
+        )
+
+
+@contextmanager
+def _refused(topic: str) -> Iterator[None]:
+    try:
+        yield
+    except (RuntimeError, rclpy_implementation.RCLError) as error:
+        raise UsageError(f"the QoS for {topic} cannot be used: {error}") from None

@@ -14,7 +14,5 @@ def needed_for(purpose: str) -> Iterator[None]:
     try:
         yield
     except ModuleNotFoundError as error:
-        raise AhrsError(
-            f"{purpose} needs the Python package {error.name}: "
-            "pip install 'stateful_ahrs[bags]' brings it."
-        ) from None
+        name = (error.name or "").partition(".")[0]
+        raise AhrsError(f"{purpose} needs the Python package {name}: pip install {name}.") from None

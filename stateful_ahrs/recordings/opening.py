@@ -31,6 +31,9 @@ def require(path: Path, suffixes: Collection[str]) -> None:
     if not os.access(path, os.R_OK):
         raise RecordingError(f"{path}: permission denied.")
     if path.is_dir():
+        for file in path.iterdir():
+            if file.is_file() and not os.access(file, os.R_OK):
+                raise RecordingError(f"{file}: permission denied.")
         return
     if path.suffix not in suffixes:
         raise RecordingError(
@@ -71,7 +74,7 @@ def damage_told(path: Path) -> Iterator[None]:
 def _refuse_unfinished(path: Path) -> None:
     if path.is_dir() and not (path / "metadata.yaml").is_file():
         raise RecordingError(
-            f"{path.name} is a folder without metadata.yaml, expected a rosbag2 folder; "
+            f"{path.resolve().name} is a folder without metadata.yaml, expected a rosbag2 folder; "
             f"if its recording was cut short, {REMEDIES['folder']}."
         )
     for database in path.glob("*.db3") if path.is_dir() else [path]:

@@ -272,7 +272,22 @@ def test_two_sensors_on_one_topic_are_an_error(graph, sensor):
         )
 
     until(told, "the error")
-    assert status(diagnostics, "fusion")[0] == b"\x02"
+    assert status(diagnostics, "fusion")[0] == b"\x01"
+
+
+@pytest.mark.parametrize(
+    ("sample", "name"),
+    [({"gyro": (math.nan,) * 3}, "gyroscope"), ({"accel": (0.0, 0.0, 0.0)}, "accelerometer")],
+)
+def test_a_sensor_that_gives_nothing_usable_is_a_warning(graph, sensor, sample, name):
+    diagnostics = graph.hear(DiagnosticArray, "/diagnostics")
+
+    def told():
+        sensor.send(START + sensor.sent * PERIOD, **sample)
+        return f"{name} samples are useless." in status(diagnostics, "fusion")[1]
+
+    until(told, "the warning")
+    assert status(diagnostics, "fusion")[0] == b"\x01"
 
 
 # Garbage
@@ -356,6 +371,10 @@ def test_level_and_facing_north_in_each_world_frame(graph, frame, expected):
         ({"world_frame": "nue"}, "world_frame must be one of enu, nwu, ned, got 'nue'."),
         ({"orientation_stddev": -1.0}, "orientation_stddev must be 0 or more rad, got -1.0."),
         ({"publish_tf": True}, "publish_tf needs tf2_ros"),
+        (
+            {"qos_overrides./imu/data_raw.subscription.reliability": "nonsense"},
+            "the QoS for imu/data_raw cannot be used",
+        ),
     ],
 )
 def test_a_wrong_parameter_ends_the_node_with_one_sentence(graph, parameters, sentence):
