@@ -16,13 +16,14 @@ setup(
         ("share/ament_index/resource_index/packages", ["resource/stateful_ahrs"]),
         ("share/stateful_ahrs", ["package.xml"]),
         ("share/stateful_ahrs/launch", sorted(glob("launch/*.launch.py"))),
-        ("share/stateful_ahrs/config", sorted(glob("config/*.yaml"))),
+        ("share/stateful_ahrs/config", sorted(glob("config/*"))),
     ],
     entry_points={
         "console_scripts": [
             "imu_driver = stateful_ahrs.nodes.imu_driver:main",
             "fusion = stateful_ahrs.nodes.fusion:main",
             "bag_player = stateful_ahrs.nodes.bag_player:main",
+            "calibrate = stateful_ahrs.nodes.calibrate:main",
             "evaluate = stateful_ahrs.evaluation.evaluate:main",
             "convert = stateful_ahrs.recordings.convert:main",
         ]
@@ -44,8 +45,11 @@ setup(
             "ros-jazzy-std-srvs",
         ],
         "bags": ["rosbags>=0.11", "scipy>=1.11"],
-        "fast": ["numba>=0.59"],
+        "fast": ["numba>=0.59", "scipy>=1.11"],  # numba's linear algebra is scipy's
         "plot": ["matplotlib>=3.6"],
+        "i2c": ["smbus2>=0.4"],
+        "serial": ["pyserial>=3.5"],
+        "calibration": ["PyYAML>=6.0", "scipy>=1.11"],
         "test": ["hypothesis>=6.98", "pytest>=7.4"],
         "lint": ["mypy>=1.13", "ruff>=0.17"],
     },

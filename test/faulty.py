@@ -16,6 +16,7 @@ class FaultyBus:
         self.bus = bus
         self.sleep = sleep
         self.nacks = 0  # transactions to come that nobody acknowledges
+        self.refused: int | None = None  # the register whose next access is not acknowledged
         self.unplugged = False  # nobody acknowledges anything
         self.stuck = False  # the data line stays up: all is 0xFF
         self.frozen = False  # the chip says it has new data, and it is the old
@@ -25,12 +26,12 @@ class FaultyBus:
         self._old = b""
 
     def write(self, address: int, register: int, data: bytes) -> None:
-        self._suffer(address)
+        self._suffer(address, register)
         if not self.stuck:
             self.bus.write(address, register, data)
 
     def read(self, address: int, register: int, count: int) -> bytes:
-        self._suffer(address)
+        self._suffer(address, register)
         if self.stuck:
             return b"\xff" * count
         data = self.bus.read(address, register, count)
@@ -44,10 +45,11 @@ class FaultyBus:
     def close(self) -> None:
         self.closed += 1
 
-    def _suffer(self, address: int) -> None:
+    def _suffer(self, address: int, register: int) -> None:
         self.transactions += 1
         if self.latency:
             self.sleep(self.latency)
-        if self.unplugged or self.nacks:
+        if self.unplugged or self.nacks or register == self.refused:
+            self.refused = None
             self.nacks = max(0, self.nacks - 1)
             raise BusError(f"no device answers at I2C address 0x{address:02X}.")

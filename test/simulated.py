@@ -8,16 +8,19 @@ from stateful_ahrs.filters.frames import WorldFrame
 from stateful_ahrs.mpu9250.chip import Mpu9250, Settings
 from stateful_ahrs.mpu9250.motion import motion
 from stateful_ahrs.mpu9250.simulator import SimulatedMpu9250, VirtualClock
+from stateful_ahrs.mpu9250.world import Errors
 from stateful_ahrs.recordings import Recording
 from stateful_ahrs.rotor import Rotor, conjugate, product
 
 START = 1_700_000_000_000_000_000  # ns
 
 
-def simulated(name: str, seconds: float, rate: float = 100.0, seed: int = 0) -> Recording:
+def simulated(
+    name: str, seconds: float, rate: float = 100.0, seed: int = 0, errors: Errors = Errors()
+) -> Recording:
     """What the chip measures on the motion of this name, and the truth."""
     clock = VirtualClock(START)
-    bus = SimulatedMpu9250(motion(name), clock=clock, seed=seed)
+    bus = SimulatedMpu9250(motion(name), clock=clock, seed=seed, errors=errors)
     chip = Mpu9250(bus, Settings(rate=rate), sleep=clock.sleep)
     world = WorldFrame("enu")
     stamps, gyro, accel, mag_stamps, mag, truth = [], [], [], [], [], []

@@ -269,6 +269,37 @@ def test_a_transaction_that_fails_is_tried_again_and_counted(fifo: bool, nacks: 
     assert sum(sample.missed for sample in samples) == 0
 
 
+@pytest.mark.parametrize("register", [reg.FIFO_R_W, reg.INT_STATUS, reg.USER_CTRL])
+def test_a_fifo_left_in_the_midst_is_emptied_and_what_it_held_is_counted(register: int):
+    """Nobody knows how many bytes a transaction that failed took out of it."""
+    bench = Bench(Settings(1000.0, fifo=True))
+    before = bench.read(50)
+    if register == reg.USER_CTRL:
+        bench.clock.sleep(0.1)  # it overflows, and then cannot be emptied at once
+    bench.bus.refused = register
+    after = bench.read(50)
+    assert bench.source.faults.bus_errors == 1
+    logged = bench.logged()
+    last, first = (logged.index(bench.counts(sample)) for sample in (before[-1], after[0]))
+    lost = (bench.log[first][0] - bench.log[last][0]) // MS - 1
+    assert lost >= 4
+    assert after[0].missed == pytest.approx(lost, abs=1)
+    found = [bench.counts(sample) for sample in after]
+    assert found == logged[first : first + len(after)]
+
+
+def test_an_error_while_the_configuration_is_checked_costs_no_sample():
+    bench = Bench(Settings(200.0))
+    samples = bench.read(10)
+    bench.bus.refused = reg.SMPLRT_DIV
+    samples = bench.read(400)
+    assert bench.source.faults.bus_errors == 1
+    assert sum(sample.missed for sample in samples) == 0
+    found = [bench.counts(sample) for sample in samples]
+    begin = bench.logged().index(found[0])
+    assert found == bench.logged()[begin : begin + len(found)]
+
+
 @BOTH
 def test_a_chip_that_was_unplugged_is_lost_and_comes_back_configured(fifo: bool):
     bench = Bench(Settings(200.0, fifo=fifo))

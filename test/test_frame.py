@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import struct
 from pathlib import Path
 
@@ -155,7 +156,8 @@ def forged(**changed: int) -> bytes:
     [
         (forged(_0=2), "version 2 and 37 bytes, expected 1 and 37: load the sketch"),
         (forged(_1=0x68), "answers 0x68 (MPU-6050 or MPU-9150) to WHO_AM_I"),
-        (forged(_1=0xFF), "answers 0xFF (unknown) to WHO_AM_I"),
+        (forged(_1=0xFF), "of the chip behind it every byte reads as 0xFF"),
+        (forged(_1=0x12), "answers 0x12 (ICM-20602) to WHO_AM_I"),
         (forged(_12=0), "no new samples"),
         (forged(**{f"_{n}": 0xFF for n in range(12, 35)}), "every byte reads as 0xFF"),
     ],
@@ -181,6 +183,14 @@ def test_the_ranges_travel_with_each_frame(gyro: int, accel: int):
     reading = meant(Bridge.settings)[0]
     assert record.reading.gyro == pytest.approx([n * gyro / 1000 for n in reading.gyro])
     assert record.reading.accel == pytest.approx([n * accel / 4 for n in reading.accel])
+
+
+def test_the_example_of_the_document_is_a_frame():
+    document = (Path(__file__).parents[1] / "docs" / "frame.md").read_text()
+    (example,) = re.findall("```([0-9a-f\\s]+)```", document)
+    (record,) = FrameParser().feed(bytes.fromhex(example))
+    assert record.reading == meant(Bridge.settings)[3]
+    assert record.clock == 2_030_000_000
 
 
 def test_the_golden_stream_is_read_as_recorded():

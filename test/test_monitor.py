@@ -93,7 +93,7 @@ def test_a_chip_without_magnetometer_is_well_without():
     [
         ("bus_errors", "2 transactions failed"),
         ("bytes_discarded", "2 bytes were no samples"),
-        ("fifo_overflows", "samples were lost"),
+        ("fifo_overflows", "The FIFO overflowed 2 times"),
     ],
 )
 def test_what_went_wrong_on_the_wire_is_said_once(fault: str, sentence: str):

@@ -107,8 +107,8 @@ def test_every_setting_reaches_its_register(k: int, dlpf: int) -> None:
     bench.sim.write(reg.ADDRESS, 0x23, b"\xff")  # what another program left: FIFO_EN
     bench.sim.write(reg.ADDRESS, reg.PWR_MGMT_1, bytes((reg.SLEEP,)))
     bench.start()
-    found = bench.sim.read(reg.ADDRESS, 0, 0x3A)
-    assert {n: value for n, value in enumerate(found) if value} == {
+    found = bench.sim.read(reg.ADDRESS, reg.SMPLRT_DIV, 0x3A - reg.SMPLRT_DIV)
+    assert {n: value for n, value in enumerate(found, reg.SMPLRT_DIV) if value} == {
         key: value
         for key, value in {
             reg.SMPLRT_DIV: 19,

@@ -16,7 +16,7 @@ from stateful_ahrs.mpu9250 import registers as reg
 from stateful_ahrs.mpu9250.chip import Mpu9250, Settings
 from stateful_ahrs.mpu9250.motion import Motion, Turn, X, Z, motion
 from stateful_ahrs.mpu9250.simulated_ak8963 import SimulatedAk8963
-from stateful_ahrs.mpu9250.simulator import SimulatedMpu9250, Truth, VirtualClock
+from stateful_ahrs.mpu9250.simulator import TRIMS, SimulatedMpu9250, Truth, VirtualClock
 from stateful_ahrs.mpu9250.world import IDEAL, Earth, Errors
 from stateful_ahrs.rotor import conjugate, rotate
 
@@ -53,7 +53,10 @@ def test_reset_clears_every_setting_and_wakes() -> None:
     sim.write(reg.ADDRESS, reg.PWR_MGMT_1, bytes((reg.H_RESET,)))
     clock.sleep(0.1)
     found = {n: value for n, value in enumerate(sim.read(reg.ADDRESS, 0, 0x80)) if value}
-    assert found == {reg.PWR_MGMT_1: 0x01, reg.WHO_AM_I: 0x71}  # register map, section 3
+    trims = {reg.SELF_TEST_ACCEL + n: TRIMS[n] for n in range(3)}
+    trims |= {reg.SELF_TEST_GYRO + n: TRIMS[3 + n] for n in range(3)}
+    expected = {reg.PWR_MGMT_1: 0x01, reg.WHO_AM_I: 0x71}  # register map, section 3
+    assert found == expected | trims  # of this chip
 
 
 def test_a_chip_that_resets_does_not_answer() -> None:

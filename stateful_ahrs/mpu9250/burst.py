@@ -6,9 +6,9 @@ import math
 import struct
 from typing import NamedTuple
 
-from ..errors import DeviceError
 from ..rotor import Vector
 from . import registers as reg
+from .bus import BusError
 
 STANDARD_GRAVITY = 9.80665  # m/s², the accelerometer's g
 FULL_SCALE = 32768  # counts
@@ -46,7 +46,7 @@ class Burst:
         self._gyro_scale = math.radians(gyro_range) / FULL_SCALE
         self._accel_scale = accel_range * STANDARD_GRAVITY / FULL_SCALE
         self._mag_scale: Vector | None = None
-        self.size = INERTIAL.size
+        self.size = INERTIAL.size  # of a burst from INT_STATUS on
         if adjustment is not None:
             x, y, z = adjustment
             self._mag_scale = (MAG_SCALE * x, MAG_SCALE * y, MAG_SCALE * z)
@@ -55,13 +55,13 @@ class Burst:
     def reading(self, data: bytes) -> Reading | None:
         """The reading in ``data`` (``size`` bytes), or None if it holds nothing new.
 
-        `DeviceError` if it is what a bus reads that nobody drives.
+        `BusError` if it is what a bus reads that nobody drives.
         """
         status, ax, ay, az, temperature, gx, gy, gz = INERTIAL.unpack_from(data)
         if not status & reg.RAW_DATA_RDY:
             return None
         if status == NOBODY and data.count(NOBODY) == len(data):
-            raise DeviceError(STUCK)
+            raise BusError(STUCK)
         mag, overflow = None, False
         if self._mag_scale is not None:
             st1, mx, my, mz, st2 = MAGNETIC.unpack_from(data, INERTIAL.size)

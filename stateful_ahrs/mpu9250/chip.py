@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from ..errors import DeviceError, UsageError
 from ..rotor import Vector
 from . import registers as reg
-from .burst import Burst, Reading
-from .bus import Bus
+from .burst import INERTIAL, MAGNETIC, NOBODY, STUCK, Burst, Reading
+from .bus import Bus, BusError
 
 GYRO_RANGES = (250, 500, 1000, 2000)  # °/s
 ACCEL_RANGES = (2, 4, 8, 16)  # g
@@ -33,6 +33,8 @@ OTHERS = {
 
 RESET_TIME = 0.1  # s
 START_UP_TIME = 0.035  # s, of the gyroscope; the accelerometer's is shorter
+READY = bytes((reg.RAW_DATA_RDY,))
+MODE_TIME = 0.001  # s between two modes of the AK8963: ten times what it needs
 TRANSFER_TIME = 0.01  # s, for the auxiliary master: ten of its rounds
 
 
@@ -44,8 +46,15 @@ class Settings:
     gyro_range: int = 1000  # ± °/s
     accel_range: int = 4  # ± g
     dlpf: int = 2  # low-pass of both: 1: 184 Hz, 2: 92, 3: 41, 4: 20, 5: 10, 6: 5 (gyroscope)
+    fifo: bool = False  # let the chip collect samples: for rates that reading each cannot hold
+    bypass: bool = False  # read the magnetometer on the bus, not through the auxiliary master
 
     def __post_init__(self) -> None:
+        if self.fifo and self.bypass:
+            raise UsageError(
+                "fifo and bypass exclude each other: the FIFO holds what the auxiliary master "
+                "fetches. Set one of them to false."
+            )
         _one_of("gyro_range", self.gyro_range, GYRO_RANGES, " °/s")
         _one_of("accel_range", self.accel_range, ACCEL_RANGES, " g")
         _one_of("dlpf", self.dlpf, DLPF_SETTINGS)
@@ -96,6 +105,7 @@ class Mpu9250:
         self._address = address
         self._sleep = sleep
         self.settings = settings
+        self._fifo_torn = False  # nobody knows where a sample begins in it
         self.configure()
 
     def configure(self) -> None:
@@ -107,6 +117,8 @@ class Mpu9250:
         self._set(reg.PWR_MGMT_1, reg.CLKSEL_AUTO)
         self._sleep(START_UP_TIME)
         s = self.settings
+        if s.bypass:
+            self._set(reg.INT_PIN_CFG, reg.BYPASS_EN)
         self._set(reg.CONFIG, s.dlpf)
         self._set(reg.GYRO_CONFIG, GYRO_RANGES.index(s.gyro_range) << reg.RANGE_SHIFT)
         self._set(reg.ACCEL_CONFIG, ACCEL_RANGES.index(s.accel_range) << reg.RANGE_SHIFT)
@@ -115,6 +127,8 @@ class Mpu9250:
         adjustment = self._start_magnetometer() if self.has_magnetometer else None
         self._set(reg.SMPLRT_DIV, s.divisor - 1)  # last: the auxiliary master works at this rate
         self._burst = Burst(s.gyro_range, s.accel_range, adjustment)
+        if s.fifo:
+            self._start_fifo()
         self.verify()
 
     def verify(self) -> None:
@@ -122,15 +136,59 @@ class Mpu9250:
         for register, value in self._configuration.items():
             found = self._read(register)
             if found != value:
-                raise DeviceError(
-                    f"{self} lost its configuration: register 0x{register:02X} holds "
-                    f"0x{found:02X}, expected 0x{value:02X}. Check its supply and its wires."
-                )
+                raise self._forgotten(register, found)
+
+    def check(self) -> None:
+        """`verify` of the registers that say what samples are, in one short transaction."""
+        first, last = reg.SMPLRT_DIV, reg.ACCEL_CONFIG2
+        data = self._bus.read(self._address, first, last + 1 - first)
+        for register, found in enumerate(data, first):
+            if found != self._configuration[register]:
+                raise self._forgotten(register, found)
+
+    def _forgotten(self, register: int, found: int) -> DeviceError:
+        return DeviceError(
+            f"{self} lost its configuration: register 0x{register:02X} holds 0x{found:02X}, "
+            f"expected 0x{self._configuration[register]:02X}. Check its supply and its wires."
+        )
 
     def read(self) -> Reading | None:
-        """The newest sample, in one transaction; None if it has been read before."""
+        """The newest sample, in one transaction; None if it has been read before.
+
+        In bypass the magnetometer takes a transaction of its own.
+        """
         burst = self._burst
-        return burst.reading(self._bus.read(self._address, reg.INT_STATUS, burst.size))
+        if not self.settings.bypass or burst.size == INERTIAL.size:
+            return burst.reading(self._bus.read(self._address, reg.INT_STATUS, burst.size))
+        data = self._bus.read(self._address, reg.INT_STATUS, INERTIAL.size)
+        if not data[0] & reg.RAW_DATA_RDY:
+            return None
+        return burst.reading(data + self._bus.read(reg.AK_ADDRESS, reg.AK_ST1, MAGNETIC.size))
+
+    def drain(self) -> tuple[list[Reading], bool]:
+        """The samples in the FIFO, oldest first, and whether some were lost.
+
+        A FIFO that overflowed, or that was left in the midst of a transaction that failed, has lost
+        bytes, so that nobody knows where a sample begins: it is emptied, and there are no samples.
+        """
+        if self._fifo_torn:
+            self._empty_fifo()
+            return [], True
+        size = self._burst.size - 1  # a sample in the FIFO has no status
+        data = self._bus.read(self._address, reg.FIFO_COUNTH, 2)
+        if data == b"\xff\xff":
+            raise BusError(STUCK)
+        count = (data[0] << 8 | data[1]) & reg.FIFO_COUNT_MASK
+        whole = count // size * size
+        self._fifo_torn = True
+        samples = self._bus.read(self._address, reg.FIFO_R_W, whole) if whole else b""
+        (status,) = self._bus.read(self._address, reg.INT_STATUS, 1)
+        if status & reg.FIFO_OFLOW or count > reg.FIFO_SIZE // size * size:
+            self._empty_fifo()
+            return [], True
+        self._fifo_torn = False
+        found = (self._burst.reading(READY + samples[n : n + size]) for n in range(0, whole, size))
+        return [reading for reading in found if reading is not None], False
 
     def close(self) -> None:
         """Release the bus."""
@@ -142,6 +200,8 @@ class Mpu9250:
 
     def _identify(self) -> None:
         found = self._read(reg.WHO_AM_I)
+        if found == NOBODY:
+            raise BusError(STUCK)
         if found not in NAMES:
             what = OTHERS.get(found, "unknown")
             known = ", ".join(f"0x{code:02X} ({name})" for code, name in NAMES.items())
@@ -154,8 +214,10 @@ class Mpu9250:
 
     def _start_magnetometer(self) -> Vector:
         """Set the AK8963 measuring, the auxiliary master fetching; return the adjustment."""
-        self._set(reg.I2C_MST_CTRL, reg.WAIT_FOR_ES | reg.I2C_MST_400_KHZ)
-        self._set(reg.USER_CTRL, reg.I2C_MST_EN)
+        bypass = self.settings.bypass
+        self._set(reg.USER_CTRL, 0 if bypass else reg.I2C_MST_EN)
+        if not bypass:
+            self._set(reg.I2C_MST_CTRL, reg.WAIT_FOR_ES | reg.I2C_MST_400_KHZ)
         self._write_mag(reg.AK_CNTL2, reg.AK_SOFT_RESET)
         (identity,) = self._read_mag(reg.AK_WIA, 1)
         if identity != reg.AK_DEVICE_ID:
@@ -178,17 +240,40 @@ class Mpu9250:
             raise DeviceError(
                 f"the magnetometer of the {self} stays in mode 0x{found:02X} after 0x{mode:02X}."
             )
-        self._set(reg.I2C_SLV0_ADDR, reg.AK_ADDRESS | reg.I2C_READ)
-        self._set(reg.I2C_SLV0_REG, reg.AK_ST1)
-        self._set(reg.I2C_SLV0_CTRL, reg.I2C_SLV0_EN | 8)  # ST1, three axes, ST2
+        if not bypass:
+            self._set(reg.I2C_SLV0_ADDR, reg.AK_ADDRESS | reg.I2C_READ)
+            self._set(reg.I2C_SLV0_REG, reg.AK_ST1)
+            self._set(reg.I2C_SLV0_CTRL, reg.I2C_SLV0_EN | MAGNETIC.size)
         x, y, z = ((fuse - 128) * 0.5 / 128 + 1 for fuse in fuses)
         return (x, y, z)
 
+    def _start_fifo(self) -> None:
+        """Let the chip collect what a burst would read."""
+        magnetic = self._burst.size > INERTIAL.size
+        self._set(reg.INT_ENABLE, reg.RAW_DATA_RDY | reg.FIFO_OFLOW)
+        self._set(reg.FIFO_EN, reg.FIFO_INERTIAL | (reg.FIFO_SLV0 if magnetic else 0))
+        self._set(reg.USER_CTRL, self._configuration.get(reg.USER_CTRL, 0) | reg.USE_FIFO)
+        self._empty_fifo()
+
+    def _empty_fifo(self) -> None:
+        """Empty the FIFO, between two samples of which the next is its first."""
+        on = self._configuration[reg.USER_CTRL]
+        self._write(reg.USER_CTRL, on & ~reg.USE_FIFO)
+        self._write(reg.USER_CTRL, on & ~reg.USE_FIFO | reg.FIFO_RST)
+        self._write(reg.USER_CTRL, on)
+        self._fifo_torn = False
+
     def _write_mag(self, register: int, value: int) -> None:
+        if self.settings.bypass:
+            self._bus.write(reg.AK_ADDRESS, register, bytes((value,)))
+            self._sleep(MODE_TIME)
+            return
         self._write(reg.I2C_SLV0_DO, value)
         self._transfer(reg.AK_ADDRESS, register, 1)
 
     def _read_mag(self, register: int, count: int) -> bytes:
+        if self.settings.bypass:
+            return self._bus.read(reg.AK_ADDRESS, register, count)
         self._transfer(reg.AK_ADDRESS | reg.I2C_READ, register, count)
         return self._bus.read(self._address, reg.EXT_SENS_DATA_00, count)
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from itertools import pairwise
 from typing import NamedTuple
 
 SECOND = 1_000_000_000  # ns
 SPAN = SECOND // 4  # of device time, of which the sample with the least delay is kept
+FEW = 3  # spans that tell no drift
 SPANS = 40  # so many make the line: ten seconds, over which a drift is constant
 LATE = SECOND // 2  # by so much later than the line says ...
 PATIENCE = SECOND  # ... for so long: the device clock was set back, or stood still
@@ -36,6 +38,7 @@ class DeviceClock:
         self.restarts = 0  # of the map, because the two clocks parted
         self._last = Point(0, 0)  # device time and stamp of the last sample
         self._started = False
+        self._begun_anew = True
         self.restart()
 
     @property
@@ -116,13 +119,15 @@ class DeviceClock:
 
     def _fit(self) -> None:
         """Lay the line along that side of the lower hull that is under the middle of the points."""
+        if len(self._least) < FEW:
+            return
         hull: list[Point] = []
         for point in self._least:
             while len(hull) > 1 and not _left(hull[-2], hull[-1], point):
                 hull.pop()
             hull.append(point)
         middle = sum(point.device for point in self._least) // len(self._least)
-        for a, b in zip(hull, hull[1:], strict=False):
+        for a, b in pairwise(hull):
             if b.device >= middle:
                 self._origin = a
                 self._slope = (b.host - a.host) / (b.device - a.device) - 1.0

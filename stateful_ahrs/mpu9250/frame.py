@@ -12,7 +12,7 @@ from functools import lru_cache
 
 from ..errors import DeviceError
 from ..rotor import Vector
-from .burst import Burst
+from .burst import NOBODY, STUCK, Burst
 from .chip import ACCEL_RANGES, GYRO_RANGES, NAMES, OTHERS, SIX_AXES
 from .protocols import Clock, Counter, Record
 
@@ -108,6 +108,9 @@ class FrameParser:
             )
             return None
         _, who_am_i, ranges, adjustment, sequence, micros, data = BODY.unpack_from(frame)
+        if who_am_i == NOBODY:
+            self.complaint = f"of the chip behind it {STUCK}"
+            return None
         if who_am_i not in NAMES:
             self.complaint = (
                 f"the chip behind it answers 0x{who_am_i:02X} "

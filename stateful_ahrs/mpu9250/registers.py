@@ -9,14 +9,20 @@ from __future__ import annotations
 
 ADDRESS = 0x68  # 0x69 where the board pulls AD0 up
 
+SELF_TEST_GYRO = 0x00  # x, then y, z: codes of what the self-test moved in the factory
+SELF_TEST_ACCEL = 0x0D
 SMPLRT_DIV = 0x19
 CONFIG = 0x1A
 DLPF_MASK = 0x07
 GYRO_CONFIG = 0x1B
 ACCEL_CONFIG = 0x1C
 RANGE_SHIFT = 3  # of both: 0 to 3, each twice the range of the one before
+SELF_TEST_XYZ = 0xE0  # of both
 ACCEL_CONFIG2 = 0x1D
 
+FIFO_EN = 0x23
+FIFO_INERTIAL = 0xF8  # temperature, gyroscope x, y, z, accelerometer
+FIFO_SLV0 = 0x01
 I2C_MST_CTRL = 0x24
 WAIT_FOR_ES = 0x40  # data ready only when the external sensor's bytes are there too
 I2C_MST_400_KHZ = 0x0D
@@ -34,17 +40,24 @@ BYPASS_EN = 0x02
 INT_ENABLE = 0x38
 INT_STATUS = 0x3A
 RAW_DATA_RDY = 0x01  # of both
+FIFO_OFLOW = 0x10  # of both
 
 ACCEL_XOUT_H = 0x3B  # then y, z, temperature, gyroscope x, y, z: 14 bytes, high byte first
 EXT_SENS_DATA_00 = 0x49
 I2C_SLV0_DO = 0x63
 
 USER_CTRL = 0x6A
+USE_FIFO = 0x40
 I2C_MST_EN = 0x20
+FIFO_RST = 0x04
 PWR_MGMT_1 = 0x6B
 H_RESET = 0x80
 SLEEP = 0x40
 CLKSEL_AUTO = 0x01  # the gyroscope's PLL where it runs
+FIFO_COUNTH = 0x72  # reading it holds FIFO_COUNTL
+FIFO_COUNT_MASK = 0x1FFF
+FIFO_R_W = 0x74  # a burst from here takes bytes out of the FIFO
+FIFO_SIZE = 512
 WHO_AM_I = 0x75
 
 # --- AK8963 --------------------------------------------------------------------------------------

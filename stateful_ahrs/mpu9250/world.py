@@ -37,6 +37,7 @@ class Errors:
     gyro_bias: Vector = (8e-4, -1.2e-3, 1e-3)  # rad/s: 0.05 to 0.07 °/s
     accel_noise: float = 8.0 * MILLI_G  # m/s² rms at 94 Hz
     accel_offset: Vector = (2.0 * MILLI_G, -2.0 * MILLI_G, 4.0 * MILLI_G)  # m/s²
+    accel_scale: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))  # and misalignment
     mag_noise: float = 0.6e-6  # tesla rms
     hard_iron: Vector = (0.15e-6, -0.1e-6, 0.2e-6)  # tesla
     soft_iron: Matrix = ((1.003, 0.001, 0.0), (0.001, 0.998, -0.001), (0.0, -0.001, 1.0))
@@ -77,14 +78,14 @@ class World:
         """Specific force, m/s², through a low-pass of ``bandwidth`` Hz."""
         force = rotate(conjugate(self.motion.rotor(t)), self._up)
         sigma = self.errors.accel_noise * math.sqrt(bandwidth / ACCEL_NOISE_BANDWIDTH)
-        return self._off(force, self.errors.accel_offset, sigma)
+        return self._off(_bent(self.errors.accel_scale, force), self.errors.accel_offset, sigma)
 
     def mag(self, t: float) -> Vector:
         """Magnetic field, tesla, bent by soft iron and shifted by hard iron."""
-        x, y, z = rotate(conjugate(self.motion.rotor(t)), self._north)
-        (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = self.errors.soft_iron
-        bent = (xx * x + xy * y + xz * z, yx * x + yy * y + yz * z, zx * x + zy * y + zz * z)
-        return self._off(bent, self.errors.hard_iron, self.errors.mag_noise)
+        field = rotate(conjugate(self.motion.rotor(t)), self._north)
+        return self._off(
+            _bent(self.errors.soft_iron, field), self.errors.hard_iron, self.errors.mag_noise
+        )
 
     def _off(self, value: Vector, offset: Vector, sigma: float) -> Vector:
         gauss = self._gauss
@@ -93,3 +94,9 @@ class World:
             value[1] + offset[1] + gauss(0.0, sigma),
             value[2] + offset[2] + gauss(0.0, sigma),
         )
+
+
+def _bent(matrix: Matrix, v: Vector) -> Vector:
+    x, y, z = v
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = matrix
+    return (xx * x + xy * y + xz * z, yx * x + yy * y + yz * z, zx * x + zy * y + zz * z)

@@ -18,6 +18,7 @@ from ..filters.samples import Array, Stamps
 
 IMU = "sensor_msgs/msg/Imu"
 MAGNETIC_FIELD = "sensor_msgs/msg/MagneticField"
+TEMPERATURE = "sensor_msgs/msg/Temperature"
 QUATERNION = "geometry_msgs/msg/QuaternionStamped"
 BOOL = "std_msgs/msg/Bool"
 
@@ -32,6 +33,7 @@ class Layout(NamedTuple):
 LAYOUTS = {
     IMU: Layout(1, 37),  # orientation x y z w, 9 covariances, rates 3 + 9, specific force 3 + 9
     MAGNETIC_FIELD: Layout(1, 12),  # field 3 + 9 covariances
+    TEMPERATURE: Layout(1, 2),  # °C and variance
     QUATERNION: Layout(1, 4),  # x y z w
     "geometry_msgs/msg/PoseStamped": Layout(1, 7),  # position, x y z w
     "geometry_msgs/msg/TransformStamped": Layout(2, 7),  # translation, x y z w

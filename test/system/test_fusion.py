@@ -122,7 +122,7 @@ def test_one_turn_about_y_then_one_about_z(graph, stateful):
         assert moving.max() > 90.0
 
 
-@pytest.mark.parametrize("name", ["stateful", "paper"])
+@pytest.mark.parametrize("name", ["stateful", "paper", "learning"])
 def test_live_and_offline_are_the_same(graph, name):
     recording = load(BAGS / "turns")
     offline = WorldFrame("enu").all(filters.make(name, settings("enu")).run(samples(recording)))
