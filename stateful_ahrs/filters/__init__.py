@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 from ..errors import UsageError
 from ..rotor import Rotor, Vector
+from .learning_filter import LearningFilter
 from .samples import Array, Samples
 from .stateful import Report, Settings, StatefulFilter
 
@@ -55,6 +56,7 @@ FILTERS: dict[str, Callable[[Settings], Filter]] = {
     "stateful": StatefulFilter,
     "paper": partial(StatefulFilter, **AS_PUBLISHED),
     "paper_stateless": partial(StatefulFilter, **AS_PUBLISHED, stateful=False),
+    "learning": LearningFilter,
 }
 
 

@@ -1,0 +1,534 @@
+"""The filter that learns its sensors: what it learns, what it scores, and what may go wrong."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from test_dcm import felt
+
+from stateful_ahrs import filters, rotor
+from stateful_ahrs.evaluation.metrics import Truth
+from stateful_ahrs.evaluation.score import prepare, score
+from stateful_ahrs.filters import Settings
+from stateful_ahrs.filters.learning import ROWS
+from stateful_ahrs.filters.learning_filter import LearningFilter
+from stateful_ahrs.filters.samples import Samples
+from stateful_ahrs.mpu9250.motion import MOTIONS, TURN, Motion, Turn, X, Y, Z
+from stateful_ahrs.recordings import load
+from stateful_ahrs.rotor import IDENTITY, difference, from_axis_angle
+
+BROAD = Path(__file__).parents[2] / "shared" / "data" / "broad"
+NAN = (math.nan, math.nan, math.nan)
+DEGREE = math.pi / 180.0
+MICRO = 1e-6  # tesla
+# Turns about every axis, two at a time, and a second of rest.
+WILD = Motion(
+    Turn(X, TURN, 1.0, 4.0),
+    Turn(Z, -TURN, 2.0, 5.0),
+    Turn(Y, TURN, 4.0, 4.0),
+    Turn(Z, TURN, 7.0, 4.0),
+    period=12.0,
+)
+
+
+def recording(
+    seconds=60.0,
+    rate=100,
+    motion=WILD,
+    bias=(0.0, 0.0, 0.0),
+    misalignment=None,
+    delay=0.0,
+    iron=(0.0, 0.0, 0.0),
+    mag_every=1,
+    start=0.0,
+):
+    """Samples with the data sheet's noise and the errors named, and the true rotors."""
+    random = np.random.default_rng(1)
+    times = start + np.arange(round(seconds * rate)) / rate
+    truth = [motion.rotor(t) for t in times]
+    # the rate in the middle of the step is what turns one attitude into the next
+    rates = np.array([motion.rate(t - 0.5 / rate) for t in times])
+    if misalignment is not None:
+        rates = np.linalg.solve(np.eye(3) + misalignment, rates.T).T
+    mag = np.array([felt(motion.rotor(t - delay))[1] for t in times]) + iron
+    mag += 0.6 * MICRO * random.normal(size=mag.shape)
+    mag[np.arange(len(times)) % mag_every != 0] = np.nan
+    accel = np.array([felt(q)[0] for q in truth])
+    samples = Samples(
+        (1e9 + times * 1e9).round().astype(np.int64),
+        rates + bias + 0.1 * DEGREE * random.normal(size=rates.shape),
+        accel + 0.05 * random.normal(size=accel.shape),
+        mag,
+    )
+    return samples, truth
+
+
+def errors_deg(estimate, truth):
+    return np.array(
+        [math.degrees(difference(tuple(q), p)) for q, p in zip(estimate, truth, strict=True)]
+    )
+
+
+def rms(errors):
+    return math.sqrt(np.mean(errors**2))
+
+
+def inclination_deg(estimate, truth):
+    up = (0.0, 0.0, 1.0)
+    return np.array(
+        [
+            math.degrees(
+                math.acos(min(1.0, np.dot(_up(tuple(q), up), _up(p, up))))  # in the sensor frame
+            )
+            for q, p in zip(estimate, truth, strict=True)
+        ]
+    )
+
+
+def _up(q, up):
+    return rotor.rotate(rotor.conjugate(q), up)
+
+
+def live(samples, f):
+    """The filter sample by sample, as the node runs it."""
+    rotors = []
+    for i in range(len(samples)):
+        if not math.isnan(samples.mag[i, 0]):
+            f.update_mag(tuple(samples.mag[i].tolist()))
+        step = 0.0 if i == 0 else (samples.stamps[i] - samples.stamps[i - 1]) * 1e-9
+        gyro, accel = samples.gyro[i].tolist(), samples.accel[i].tolist()
+        rotors.append(f.update_imu(tuple(gyro), tuple(accel), step))
+    return np.array(rotors)
+
+
+@pytest.fixture
+def learning():
+    return filters.make("learning")
+
+
+# BROAD
+
+
+@pytest.fixture(scope="module", params=["21_*", "35_*"])
+def trial(request):
+    pytest.importorskip("scipy")
+    found = list(BROAD.glob(request.param))
+    if not found:
+        pytest.skip("the BROAD trials are not beside the checkout")
+    return prepare(load(found[0]))
+
+
+def test_broad_is_at_most_2_degrees_and_at_most_a_third_of_the_papers_filter(trial):
+    found = score(trial, "learning", Settings()).rmse
+    assert found.total < 2.0
+    assert found.inclination < 1.2
+    assert found.total < score(trial, "stateful", Settings()).rmse.total / 3.0
+
+
+def test_a_third_of_the_samples_scores_nearly_the_same(trial):
+    whole = score(trial, "learning", Settings()).rmse.total
+    samples = Samples(
+        trial.samples.stamps[::3],
+        *(
+            np.ascontiguousarray(part[::3])
+            for part in (trial.samples.gyro, trial.samples.accel, trial.samples.mag)
+        ),
+    )
+    truth = Truth(trial.truth.rotors[::3], trial.truth.counts[::3])
+    third = score(replace(trial, samples=samples, truth=truth), "learning", Settings()).rmse.total
+    assert third < 1.15 * whole  # 1.02 in the mean of 15 trials; what was between them is lost
+
+
+# What is learned
+
+
+def test_a_bias_is_learned_in_motion(learning):
+    bias = (1.0 * DEGREE, -1.0 * DEGREE, 0.5 * DEGREE)
+    samples, truth = recording(60.0, bias=bias)
+    errors = errors_deg(learning.run(samples), truth)
+    assert learning.report.learned_bias_rad_s == pytest.approx(bias, abs=0.06 * DEGREE)
+    assert rms(errors[3000:]) < 0.5  # 2.2 with `stateful`
+
+
+def test_a_bias_is_learned_at_rest_and_said_to_be(learning):
+    bias = (1.0 * DEGREE, -1.0 * DEGREE, 0.5 * DEGREE)
+    samples, truth = recording(20.0, motion=MOTIONS["rest"], bias=bias)
+    errors = errors_deg(learning.run(samples), truth)
+    # 0.1 °/s of noise, averaged over 20 s at 100 Hz
+    assert learning.report.learned_bias_rad_s == pytest.approx(bias, abs=0.02 * DEGREE)
+    assert learning.report.resting
+    assert errors[1000:].max() < 0.5
+
+
+def test_misalignment_is_learned_and_can_be_left_alone():
+    scale = np.diag((0.005, -0.006, 0.004))
+    samples, truth = recording(120.0, misalignment=scale)
+    learned, left = filters.make("learning"), filters.make("learning")
+    left.settings = Settings(learn_misalignment=False)
+    errors = rms(errors_deg(learned.run(samples), truth)[6000:])
+    assert np.array(learned.report.misalignment) == pytest.approx(scale, abs=0.0015)
+    assert errors < rms(errors_deg(left.run(samples), truth)[6000:])
+    assert left.report.misalignment == ((0.0,) * 3,) * 3
+
+
+def test_the_magnetometers_delay_is_learned_and_can_be_left_alone():
+    samples, truth = recording(60.0, delay=0.012)
+    learned, left = filters.make("learning"), filters.make("learning")
+    left.settings = Settings(learn_mag=False)
+    errors = rms(errors_deg(learned.run(samples), truth)[3000:])
+    assert learned.report.mag_delay_s == pytest.approx(0.012, abs=0.002)
+    assert errors < 0.4  # the delay alone is 1.4° at 115 °/s
+    assert errors < rms(errors_deg(left.run(samples), truth)[3000:])
+    assert left.report.mag_delay_s == 0.0
+
+
+def test_a_large_hard_iron_is_learned(learning):
+    iron = np.array((6.0, -4.0, 8.0)) * MICRO
+    samples, truth = recording(60.0, iron=iron)
+    errors = errors_deg(learning.run(samples), truth)
+    assert np.array(learning.report.hard_iron) == pytest.approx(iron, abs=0.8 * MICRO)
+    assert rms(errors[3000:]) < 1.2  # 8 µT across 25 µT would be 18°
+
+
+def test_a_magnet_in_passing_is_not_trusted_and_trust_recovers(learning):
+    samples, truth = recording(60.0)
+    samples.mag[3000:3500] += np.array((20.0, -15.0, 20.0)) * MICRO
+    before = Samples(*(part[:3400] for part in vars(samples).values()))
+    learning.run(before)
+    assert learning.report.mag_trust < 0.1
+    assert not learning.report.heading_from_mag
+    errors = errors_deg(learning.run(samples), truth)
+    assert errors[3000:].max() < 3.0
+    assert learning.report.mag_trust > 0.9
+    assert learning.report.field_changes == 0
+
+
+def test_another_field_that_stays_becomes_the_reference(learning):
+    samples, _ = recording(120.0)
+    samples.mag[2000:] *= 1.3  # as in another room
+    learning.run(samples)
+    assert learning.report.mag_trust > 0.9
+    assert learning.report.field_changes == 1
+
+
+def test_a_shaken_sensor_keeps_its_inclination(learning):
+    samples, truth = recording(30.0)
+    shake = 3.0 * np.sin(2.0 * math.pi * 2.0 * np.arange(len(samples)) / 100)
+    east = [
+        rotor.rotate(rotor.conjugate(q), (s, 0.0, 0.0)) for q, s in zip(truth, shake, strict=True)
+    ]
+    samples.accel[:] += np.array(east)
+    stateful = inclination_deg(filters.make("stateful").run(samples), truth)
+    found = inclination_deg(learning.run(samples), truth)
+    assert rms(found[500:]) < 0.3
+    assert rms(found[500:]) < rms(stateful[500:])
+
+
+# Six axes, slow and dying magnetometers
+
+
+def test_six_axes_keep_tilt_and_drift_no_faster_than_the_bias_left_over(learning):
+    samples, truth = recording(60.0, bias=(0.0, 0.0, 0.3 * DEGREE))
+    samples.mag[:] = np.nan
+    estimate = learning.run(samples)
+    assert inclination_deg(estimate, truth)[500:].max() < 0.5
+    assert errors_deg(estimate, truth).max() < 5.0  # 18° without a word about the bias
+    assert not learning.report.heading_from_mag
+    assert learning.report.heading_stddev_rad == math.inf
+
+
+def test_a_magnetometer_that_dies_leaves_what_it_taught(learning):
+    samples, truth = recording(120.0, bias=(0.5 * DEGREE, 0.0, -0.5 * DEGREE))
+    samples.mag[6000:] = np.nan
+    alive = learning.run(Samples(*(part[:6000] for part in vars(samples).values())))
+    sure = learning.report.heading_stddev_rad
+    estimate = learning.run(samples)
+    assert np.array_equal(estimate[:6000], alive)
+    assert errors_deg(estimate, truth)[200:].max() < 2.0  # 60 s of 0.5 °/s would be 30°
+    assert not learning.report.heading_from_mag
+    assert learning.report.heading_stddev_rad > sure
+    assert learning.heading_known
+
+
+@pytest.mark.parametrize("every", [2, 10, 30])
+def test_a_slow_magnetometer_is_enough(learning, every):
+    samples, truth = recording(40.0, mag_every=every)
+    assert rms(errors_deg(learning.run(samples), truth)[1000:]) < 0.6
+
+
+def test_use_mag_off_ignores_the_magnetometer():
+    samples, truth = recording(20.0)
+    samples.mag[:] = (0.0, 1.0, 0.0)
+    f = filters.make("learning", Settings(use_mag=False))
+    assert errors_deg(f.run(samples), truth).max() < 2.0
+    assert not f.heading_known
+
+
+def test_a_field_along_gravity_is_not_heading(learning):
+    for i in range(100):
+        learning.update_mag((0.0, 0.0, 4e-5))
+        learning.update_imu((0.0, 0.0, 0.0), (0.0, 0.0, 9.81), 0.0 if i == 0 else 0.01)
+    assert learning.report.mag_rejected == 100
+    assert not learning.heading_known
+    assert difference(learning.rotor, IDENTITY) < 1e-9
+
+
+def test_the_first_heading_comes_at_once_and_leaves_the_tilt_alone(learning):
+    truth = from_axis_angle((0.0, 0.0, 1.0), 2.0)
+    accel, mag = felt(truth)
+    for i in range(300):
+        learning.update_imu((0.0, 0.0, 0.0), accel, 0.0 if i == 0 else 0.01)
+    assert not learning.heading_known
+    learning.update_mag(mag)
+    learning.update_imu((0.0, 0.0, 0.0), (4.0, 0.0, 9.81), 0.01)  # shaken just now
+    assert learning.heading_known
+    assert difference(learning.rotor, truth) < 0.2 * DEGREE
+    for _ in range(500):
+        learning.update_mag(mag)
+        learning.update_imu((0.0, 0.0, 0.0), accel, 0.01)
+        assert difference(learning.rotor, truth) < 0.2 * DEGREE
+
+
+def test_a_start_in_motion_converges_within_seconds(learning):
+    samples, truth = recording(20.0, start=3.3)
+    assert errors_deg(learning.run(samples), truth)[500:].max() < 2.0
+
+
+# One filter, two speeds
+
+
+def test_sample_by_sample_and_compiled_are_the_same_filter():
+    samples, _ = recording(30.0, mag_every=3, bias=(0.01, 0.0, -0.01), delay=0.01)
+    samples.accel[700:720] = 0.0
+    samples.gyro[900:905] = np.nan
+    # 1e-12: the two sum in another order
+    one_by_one = live(samples, filters.make("learning"))
+    assert filters.make("learning").run(samples) == pytest.approx(one_by_one, abs=1e-12)
+
+
+def test_a_magnetometer_sample_that_came_late_amends_the_step():
+    samples, _ = recording(8.0, mag_every=4)
+    in_time, late = filters.make("learning"), filters.make("learning")
+    for i in range(len(samples)):
+        gyro, accel, mag = (
+            tuple(a[i].tolist()) for a in (samples.gyro, samples.accel, samples.mag)
+        )
+        dt = 0.0 if i == 0 else 0.01
+        fresh = not math.isnan(mag[0])
+        if fresh:
+            in_time.update_mag(mag)
+        in_time.update_imu(gyro, accel, dt)
+        late.update_imu(gyro, accel, dt)
+        if fresh:
+            late.amend_mag(mag)
+        assert late.rotor == in_time.rotor
+    assert late.report == in_time.report
+
+
+def test_an_amendment_after_a_reset_is_nothing(learning):
+    learning.update_imu((0.0, 0.0, 0.0), (0.0, 0.0, 9.81), 0.0)
+    learning.reset()
+    learning.amend_mag((2e-5, 0.0, -4e-5))
+    assert not learning.started
+
+
+# α
+
+
+def test_alpha_one_is_the_gyroscope_alone_once_started():
+    samples, truth = recording(7.0)
+    samples.accel[500:], samples.mag[500:] = (0.0, 5.0, 5.0), (1.0, 1.0, 1.0)
+    estimate = filters.make("learning", Settings(alpha=1.0)).run(samples)
+    turned = [rotor.product(rotor.conjugate(tuple(estimate[499])), tuple(q)) for q in estimate]
+    meant = [rotor.product(rotor.conjugate(truth[499]), q) for q in truth]
+    # a wrong up of 45° teaches a wrong bias as well, which does little in a second
+    assert errors_deg(turned[500:600], meant[500:600]).max() < 1.0
+
+
+@pytest.mark.parametrize(
+    "settings", [Settings(alpha=0.0), Settings(alpha=0.0, alpha_rate=0.0), Settings(alpha_rate=0.0)]
+)
+def test_any_alpha_makes_a_filter(settings):
+    samples, truth = recording(30.0)
+    assert rms(errors_deg(filters.make("learning", settings).run(samples), truth)[500:]) < 1.0
+
+
+@pytest.mark.parametrize("every", [2, 3, 6])
+def test_a_recording_decimated_loses_at_most_5_percent(learning, every):
+    samples, truth = recording(60.0, rate=300, bias=(0.01, 0.01, -0.01), delay=0.012)
+    samples.mag[:] += np.array((3.0, -2.0, 1.0)) * MICRO
+    whole = rms(errors_deg(learning.run(samples), truth)[900:])
+    # rates are means over the step, as a gyroscope's own low-pass makes them
+    gyro = samples.gyro.reshape(-1, every, 3).mean(axis=1)[:-1]
+    last = slice(every - 1, None, every)
+    few = Samples(
+        samples.stamps[last][:-1],
+        gyro,
+        np.ascontiguousarray(samples.accel[last][:-1]),
+        np.ascontiguousarray(samples.mag[last][:-1]),
+    )
+    part = rms(errors_deg(learning.run(few), truth[last][:-1])[900 // every :])
+    assert part < 1.05 * whole
+
+
+@pytest.mark.parametrize("rate", [25, 50, 200])
+def test_alpha_means_the_same_at_every_rate(rate):
+    # half a radian off by a wrong up that ends at 4 s: see what is left of it 3 s later
+    samples, _ = recording(7.01, rate=rate, motion=MOTIONS["rest"])
+    samples.accel[: 4 * rate] = 9.81 * np.array((math.sin(0.1), 0.0, math.cos(0.1)))
+    samples.mag[:] = np.nan
+    last = filters.make("learning").run(samples)[-1]
+    samples, _ = recording(7.01, rate=100, motion=MOTIONS["rest"])
+    samples.accel[:400] = 9.81 * np.array((math.sin(0.1), 0.0, math.cos(0.1)))
+    samples.mag[:] = np.nan
+    same = filters.make("learning").run(samples)[-1]
+    assert difference(tuple(last), tuple(same)) < 0.01
+
+
+# Bad samples, restarts, long runs
+
+BAD = [0.0, math.nan, math.inf, -math.inf, 1e200, -1e308]
+
+
+@pytest.mark.parametrize("bad", BAD)
+@pytest.mark.parametrize("sensor", ["gyro", "accel", "mag"])
+def test_a_bad_sample_costs_next_to_nothing(learning, sensor, bad):
+    samples, truth = recording(8.0)
+    whole = learning.run(samples)
+    getattr(samples, sensor)[400] = bad
+    estimate = learning.run(samples)
+    # a rate of 160 °/s taken for 0 loses 1.6°
+    assert errors_deg(estimate, [tuple(q) for q in whole])[400:].max() < 2.0
+    getattr(samples, sensor)[:50] = bad
+    assert errors_deg(learning.run(samples), truth)[250:].max() < 2.0
+
+
+number = st.floats(allow_nan=True, allow_infinity=True)
+triple = st.tuples(number, number, number)
+small = st.floats(-20.0, 20.0)
+likely = st.tuples(small, small, small)
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.one_of(triple, likely),
+            st.one_of(triple, likely),
+            st.one_of(triple, likely),
+            st.one_of(st.floats(0.0, 2.0), st.just(0.0), st.just(0.5)),
+        ),
+        max_size=60,
+    )
+)
+def test_whatever_comes_in_a_unit_rotor_comes_out(inputs):
+    f = LearningFilter()
+    for gyro, accel, mag, dt in inputs:
+        f.update_mag(mag)
+        q = f.update_imu(gyro, accel, dt)
+        assert sum(x * x for x in q) == pytest.approx(1.0, abs=1e-9)
+
+
+def test_a_restart_keeps_what_was_learned_and_forgets_the_field(learning):
+    bias = (1.0 * DEGREE, -1.0 * DEGREE, 0.5 * DEGREE)
+    samples, _ = recording(40.0, bias=bias, delay=0.012)
+    learning.run(samples)
+    before = learning.report
+    truth = from_axis_angle((0.0, 0.0, 1.0), 2.5)
+    accel, mag = felt(truth)
+    mag = tuple(1.5 * value for value in mag)
+    last = learning.rotor
+    learning.update_mag(mag)
+    first = learning.update_imu(bias, accel, 0.0)
+    assert difference(first, truth) < 1e-9
+    assert np.dot(first, last) >= 0.0
+    for _ in range(300):
+        learning.update_mag(mag)
+        learning.update_imu(bias, accel, 0.01)
+    after = learning.report
+    assert after.mag_trust > 0.9
+    assert after.learned_bias_rad_s == pytest.approx(before.learned_bias_rad_s, abs=0.05 * DEGREE)
+    assert after.mag_delay_s == pytest.approx(before.mag_delay_s, abs=0.002)
+    assert difference(learning.rotor, truth) < 1.0 * DEGREE
+
+
+def test_a_restart_without_a_magnetometer_waits_for_its_own_sample(learning):
+    samples, _ = recording(10.3)
+    learning.run(samples)
+    learning.update_imu((0.0, 0.0, 0.0), (0.0, 0.0, 9.81), 0.0)
+    assert not learning.heading_known
+    truth = from_axis_angle((0.0, 0.0, 1.0), -2.0)
+    accel, mag = felt(truth)
+    learning.update_imu((0.0, 0.0, 0.0), accel, 0.01)
+    learning.update_mag(mag)
+    learning.update_imu((0.0, 0.0, 0.0), accel, 0.01)
+    assert difference(learning.rotor, truth) < 0.5 * DEGREE
+
+
+def test_gaps_and_dropped_samples_are_bridged(learning):
+    samples, truth = recording(60.0)
+    kept = np.random.default_rng(2).random(len(samples)) > 0.3
+    kept[2000:5000] = False  # 30 s without a sample
+    few = Samples(*(part[kept] for part in vars(samples).values()))
+    errors = errors_deg(learning.run(few), list(itertools.compress(truth, kept)))
+    after = int(kept[:5000].sum())
+    assert errors[500:after].max() < 2.0
+    assert errors[after + 200 :].max() < 2.0
+
+
+def test_a_day_neither_drifts_nor_grows():
+    pytest.importorskip("numba", reason="a day takes ten minutes uncompiled")
+    rate, period = 20, 12.0
+    samples, truth = recording(period * 10, rate=rate)
+    f = LearningFilter()
+    f.run(samples)
+    day = 24 * 3600
+    passes = round(day / (period * 10)) // 10
+    stamps = np.arange(len(samples) * passes) * (1_000_000_000 // rate) + 1_000_000_000
+    for _ in range(10):  # the tenth part of a day each, without a new start in between
+        many = Samples(stamps, *(np.tile(p, (passes, 1)) for p in _columns(samples)))
+        estimate = f.run(many)
+    last = estimate[-len(samples) :]
+    assert np.abs(np.sum(last**2, axis=1) - 1.0).max() < 1e-9
+    assert rms(errors_deg(last, truth)) < 0.5
+    assert f._log.shape[0] == ROWS
+
+
+def _columns(samples):
+    return samples.gyro, samples.accel, samples.mag
+
+
+# Settings and report
+
+
+def test_it_is_always_stateful_and_says_so():
+    f = filters.make("learning", Settings(stateful=False, normalise=False, alpha=0.99))
+    assert f.settings == Settings(alpha=0.99)
+
+
+def test_settings_apply_from_the_next_sample(learning):
+    samples, _ = recording(10.0)
+    live(samples, learning)
+    learning.settings = replace(learning.settings, use_mag=False)
+    learning.update_mag((0.0, 1.0, 0.0))
+    before = learning.rotor
+    learning.update_imu((0.0, 0.0, 0.0), tuple(samples.accel[-1].tolist()), 0.01)
+    assert difference(learning.rotor, before) < 0.1 * DEGREE
+    assert not learning.report.heading_from_mag
+
+
+def test_rejections_are_counted(learning):
+    good = ((0.0, 0.0, 0.0), (0.0, 0.0, 9.81))
+    learning.update_imu(*good, 0.0)
+    learning.update_imu(NAN, good[1], 0.01)
+    learning.update_imu(good[0], (1e5, 0.0, 0.0), 0.01)
+    learning.update_mag((0.0, 0.0, 0.0))
+    learning.update_imu(*good, 0.01)
+    report = learning.report
+    assert (report.gyro_rejected, report.accel_rejected, report.mag_rejected) == (1, 1, 1)
