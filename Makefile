@@ -9,7 +9,7 @@ CONSTRAINTS ?=
 
 comma   := ,
 ROS     := $(or $(ROS_DISTRO),pypi)
-EXTRAS  := bags,fast,plot,i2c,serial,calibration,test,lint$(if $(ROS_DISTRO),,$(comma)jazzy)
+EXTRAS  := bags,fast,plot,parallel,cluster,i2c,serial,calibration,test,lint$(if $(ROS_DISTRO),,$(comma)jazzy)
 CREATED := $(VENV)/.created-for-$(ROS)
 READY   := $(VENV)/.ready-for-$(ROS)
 RUN     := $(VENV)/bin/python

@@ -47,6 +47,8 @@ setup(
         "bags": ["rosbags>=0.11", "scipy>=1.11"],
         "fast": ["numba>=0.59", "scipy>=1.11"],  # numba's linear algebra is scipy's
         "plot": ["matplotlib>=3.6"],
+        "parallel": ["joblib>=1.3"],
+        "cluster": ["distributed>=2023.12", "joblib>=1.3"],
         "i2c": ["smbus2>=0.4"],
         "serial": ["pyserial>=3.5"],
         "calibration": ["PyYAML>=6.0", "scipy>=1.11"],

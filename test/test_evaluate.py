@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import io
 import json
 import math
@@ -13,70 +14,31 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from turning import turning, write_csv
 
 from stateful_ahrs import filters
 from stateful_ahrs.errors import RecordingError, UsageError
 from stateful_ahrs.evaluation import score as scoring
-from stateful_ahrs.evaluation.evaluate import main, sweep
+from stateful_ahrs.evaluation.best import best_alphas, best_of_each
+from stateful_ahrs.evaluation.evaluate import main
 from stateful_ahrs.evaluation.metrics import Rmse
-from stateful_ahrs.evaluation.score import Result, prepare, score, time_constant
-from stateful_ahrs.evaluation.table import as_json, short_alpha, write_table
+from stateful_ahrs.evaluation.options import sweep
+from stateful_ahrs.evaluation.score import (
+    Result,
+    prepare,
+    score,
+    scores,
+    short_alpha,
+    time_constant,
+)
+from stateful_ahrs.evaluation.table import as_json, write_table
 from stateful_ahrs.filters.frames import WorldFrame
 from stateful_ahrs.filters.stateful import Settings
-from stateful_ahrs.recordings import Recording
-from stateful_ahrs.rotor import IDENTITY, conjugate, product, rotate
+from stateful_ahrs.rotor import IDENTITY, product
 
 ROOT = Path(__file__).parents[1]
 BAGS = Path(__file__).parent / "bags"
 BROAD = ROOT.parent / "shared" / "data" / "broad"
-START = 1_000_000_000  # ns
-STEP = 10_000_000  # ns
-FIELD_NWU = (2e-5, 0.0, -4e-5)  # tesla
-
-
-def turning(rows: int = 300, name: str = "turning") -> Recording:
-    """A sensor without noise that turns at 1 rad/s about an axis that wanders."""
-    q, gyro, accel, mag, truth = IDENTITY, [], [], [], []
-    enu = WorldFrame("enu")
-    for n in range(rows):
-        rate = (0.6 * math.cos(0.01 * n), 0.6 * math.sin(0.01 * n), 0.8)
-        if n:
-            half = 0.5e-9 * STEP
-            angle = math.sin(half)
-            q = product(q, (math.cos(half), *(angle * part for part in rate)))
-        back = conjugate(q)
-        gyro.append(rate)
-        accel.append(rotate(back, (0.0, 0.0, 9.81)))
-        mag.append(rotate(back, FIELD_NWU))
-        truth.append(enu.update(q))
-    stamps = START + STEP * np.arange(rows, dtype=np.int64)
-    return Recording(
-        name=name,
-        stamps=stamps,
-        gyro=np.array(gyro),
-        accel=np.array(accel),
-        mag_stamps=stamps,
-        mag=np.array(mag),
-        reference_stamps=stamps,
-        reference=np.array(truth),
-    )
-
-
-def write_csv(path: Path, recording: Recording, groups: str = "gamq") -> str:
-    """A CSV of the streams named by letter: gyro, accel, mag, quaternion."""
-    columns = {
-        "g": ("gx,gy,gz", recording.gyro),
-        "a": ("ax,ay,az", recording.accel),
-        "m": ("mx,my,mz", recording.mag),
-        "q": ("qw,qx,qy,qz", recording.reference),
-    }
-    rows = np.hstack([columns[group][1] for group in groups])
-    with path.open("w") as file:
-        print("stamp_ns", *(columns[group][0] for group in groups), sep=",", file=file)
-        for stamp, row in zip(recording.stamps.tolist(), rows.tolist(), strict=True):
-            cells = ("" if math.isnan(cell) else repr(cell) for cell in row)
-            print(stamp, *cells, sep=",", file=file)
-    return str(path)
 
 
 @pytest.fixture
@@ -260,6 +222,96 @@ def test_a_sweep_gives_each_filter_each_alpha(table, capsys):
     ]
 
 
+def test_the_best_alpha_of_a_sweep_is_marked_and_told(table, tmp_path, capsys):
+    csv, file = str(tmp_path / "x.csv"), str(tmp_path / "x.json")
+    assert main([table, "--alpha", "0:0.99:4", "--json", file, "--csv", csv]) == 0
+    written = capsys.readouterr()
+    found = json.loads(Path(file).read_text())
+    totals = {result["alpha"]: result["rmse_deg"]["total"] for result in found["results"]}
+    (best,) = found["best"]
+    assert best["alpha"] == min(totals, key=totals.__getitem__)
+    assert (best["by"], best["error_deg"]) == ("reference", totals[best["alpha"]])
+    marked = [line for line in written.out.splitlines() if "*" in line]
+    assert [line.split()[2] for line in marked] == [f"{short_alpha(best['alpha'])}*"]
+    assert "the best alpha of stateful by the total error against the reference: " in written.err
+
+
+def test_without_a_reference_alpha_is_ranked_by_self_consistency_and_that_is_said(tmp_path, capsys):
+    path = write_csv(tmp_path / "blind.csv", turning(600), "gam")
+    assert main([path, "--alpha", "0:0.99:4", "--json", "-"]) == 0
+    written = capsys.readouterr()
+    found = json.loads(written.out)
+    innovations = {result["alpha"]: result["innovation_deg"] for result in found["results"]}
+    assert found["best"][0]["alpha"] == min(innovations, key=innovations.__getitem__)
+    assert found["best"][0]["by"] == "self-consistency"
+    assert all(result["rmse_deg"] is None for result in found["results"])
+    assert "by self-consistency, as there is no reference: " in written.err
+    assert "innovation" in written.err.splitlines()[1]
+
+
+def test_an_end_of_the_sweep_that_is_best_is_told_as_such(table, capsys):
+    settings = [Settings(alpha=alpha) for alpha in (0.2, 0.1, 0.0)]
+    found = [
+        result(filter="f", alpha=each.alpha, rmse=Rmse(each.alpha + 1.0, 0.0, 0.0))
+        for each in settings
+    ]
+    (best,) = best_alphas(found)
+    assert (best.alpha, best.at_end) == (0.0, True)
+    assert "That is an end of the sweep" in str(best)
+    assert "end of the sweep" not in str(replace(best, alpha=0.1))
+
+
+def test_the_best_alpha_of_several_recordings_has_the_least_mean_where_the_truth_is_known():
+    found = [
+        result(recording=name, alpha=alpha, rmse=rmse, innovation=innovation)
+        for name, errors in {"a": (1.0, 2.0, 9.0), "b": (9.0, 3.0, 1.0), "blind": (0, 0, 0)}.items()
+        for alpha, error in zip((0.5, 0.6, 0.7), errors, strict=True)
+        for rmse, innovation in [
+            (None, 10.0 * alpha) if name == "blind" else (Rmse(error, 0.0, 0.0), None)
+        ]
+    ]
+    (best,) = best_alphas(found)
+    assert (best.alpha, best.error, best.recordings, best.by) == (0.6, 2.5, 2, "reference")
+    assert {(one.recording, one.alpha) for one in best_of_each(found)} == {
+        ("a", 0.5),
+        ("b", 0.7),
+        ("blind", 0.5),
+    }
+
+
+def test_a_filter_in_which_alpha_plays_no_role_has_one_row(monkeypatch):
+    class Deaf:
+        def __init__(self, settings):
+            self.runs = 0
+
+        def run(self, samples):
+            return np.tile(IDENTITY, (len(samples), 1))
+
+    monkeypatch.setitem(filters.FILTERS, "deaf", Deaf)
+    settings = [Settings(alpha=alpha) for alpha in sweep("0.9:0.99:9")]
+    (found,) = scores(prepare(turning(50)), "deaf", settings)
+    assert (found.alpha, found.time_constant) == (None, None)
+    assert len(list(scores(prepare(turning(50)), "paper", settings))) == 9
+
+
+def test_a_sweep_of_one_recording_takes_each_alpha_once(monkeypatch):
+    runs = []
+
+    class Counted:
+        def __init__(self, settings):
+            self.alpha = settings.alpha
+
+        def run(self, samples):
+            if len(samples) > 1:  # the first sample alone compiles it
+                runs.append(self.alpha)
+            return np.tile((self.alpha, 1.0, 0.0, 0.0), (len(samples), 1))
+
+    monkeypatch.setitem(filters.FILTERS, "counted", Counted)
+    settings = [Settings(alpha=alpha) for alpha in sweep("0.9:0.99:9")]
+    found = list(scores(prepare(turning(50)), "counted", settings))
+    assert [row.alpha for row in found] == sorted(runs) == sweep("0.9:0.99:9")
+
+
 # Bad recordings: exit code 1, and the others are still evaluated
 
 
@@ -348,6 +400,9 @@ def test_loops_that_cannot_be_matched_are_refused():
         (["x.csv", "--alpha-rate", "often"], "argument --alpha-rate: invalid float value: 'often'"),
         (["x.csv", "--json", "no/such/x.json"], "--json no/such/x.json: there is no folder"),
         (["x.csv", "--json", "."], "--json . is a folder"),
+        (["x.csv", "--csv", "no/such/x.csv"], "--csv no/such/x.csv: there is no folder"),
+        (["x.csv", "--jobs", "0"], "--jobs must be at least 1, got 0."),
+        (["x.csv", "--jobs", "two"], "argument --jobs: invalid int value: 'two'"),
         (["x.csv", "--plot", "x.gif"], "--plot x.gif: the name must end in .png, .svg, .pdf."),
         (["x.csv", "--plot", "x.png", "--alpha", "0.9:0.99:3"], "--plot draws one alpha"),
     ],
@@ -513,6 +568,23 @@ def test_json_in_a_file_is_that_of_stdout(table, tmp_path, capsys):
     assert found == other
 
 
+def test_csv_has_the_same_in_full_precision(table, tmp_path, capsys):
+    target = tmp_path / "out.csv"
+    argv = (table, "--filters", "stateful,paper", "--csv", str(target), "--json", "-")
+    assert main([*argv]) == 0
+    results = json.loads(capsys.readouterr().out)["results"]
+    rows = list(csv.DictReader(target.open(newline="")))
+    assert len(rows) == len(results) == 2
+    for row, found in zip(rows, results, strict=True):
+        assert (row["recording"], row["filter"]) == (found["recording"], found["filter"])
+        for key in ("alpha", "samples", "sign_flips", "ns_per_sample"):
+            assert float(row[key]) == found[key]
+        for key, angle in found["rmse_deg"].items():
+            assert float(row[f"{key}_deg"]) == angle
+        assert float(row["time_constant_s"]) == Settings().time_constant
+        assert row["innovation_deg"] == ""
+
+
 def test_json_keeps_alpha_as_it_is():
     alpha = 0.9 + 1e-15
     assert as_json([result(alpha=alpha)])["results"][0]["alpha"] == alpha
@@ -576,13 +648,3 @@ def test_short_and_blind_recordings_are_drawn_too(rows, tmp_path):
     ]
     assert main([*paths, "--plot", str(tmp_path / "figure.png")]) == 0
     assert (tmp_path / "figure.png").stat().st_size > 1000
-
-
-def test_labels_are_moved_apart_as_little_as_need_be():
-    pytest.importorskip("matplotlib")
-    from stateful_ahrs.evaluation.figure import apart
-
-    assert apart([0.1, 0.5, 0.9], 0.1) == pytest.approx([0.1, 0.5, 0.9])
-    assert apart([0.5, 0.5], 0.1) == pytest.approx([0.45, 0.55])
-    assert apart([0.0, 0.0, 0.9], 0.1) == pytest.approx([0.0, 0.1, 0.9])
-    assert apart([0.9, 1.0, 1.0], 0.1) == pytest.approx([0.8, 0.9, 1.0])

@@ -22,7 +22,7 @@ SOURCES = sorted(ROOT.glob("stateful_ahrs/**/*.py"))
 ROOMS = ("rotor", "snapshot", "filters", "mpu9250", "recordings", "evaluation", "nodes")
 FOR_ALL = ("command", "errors", "__init__", "__version__")
 
-PIP_ONLY = {"numba", "rosbags"}  # optional; package.xml says why
+PIP_ONLY = {"distributed", "numba", "rosbags"}  # optional; package.xml says why
 ROS_ONLY = {"launch", "launch_pytest", "launch_ros", "ros2launch", "tf2_ros_py"}  # no wheels
 WHEELS_ONLY = {"rmw_fastrtps_cpp"}  # ROS brings a middleware of its own
 REQUIREMENT_KEYS = {"pyserial": "python3-serial", "pyyaml": "python3-yaml"}

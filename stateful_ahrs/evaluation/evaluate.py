@@ -3,179 +3,125 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
-from .. import filters
-from ..command import Parser, exit_with_sentence
-from ..errors import AhrsError, UsageError
-from ..filters.stateful import Settings
-from ..recordings import Progress, load
+from ..command import exit_with_sentence
+from ..errors import AhrsError
+from ..recordings import Progress
 from ..recordings.progress import bar
-from .score import Result, Trial, prepare, score
-from .table import as_json, write_table
+from .best import best_alphas
+from .options import Job, job_of
+from .score import Result
+from .table import as_json, write_csv, write_table
+from .view import View
+from .work import Outcome, Task, compile_filter, evaluate_task, joined, view_task
+from .workers import Workers, part
 
-LONGEST_SWEEP = 1000
 STDOUT = "standard output"
-EPILOG = """\
-total, heading and inclination are root mean square errors in degrees, by BROAD's metric: nothing
-is aligned, and only rows with a known reference count (in BROAD, those in motion). Sign flips
-count the steps at which the rotor changes its hemisphere. ns/sample is the filter alone, compiled
-where numba is installed. Exit codes: 0 done; 1 a recording could not be used, the others were;
-2 usage."""
-
-
-@dataclass(frozen=True)
-class Job:
-    """What the command line asks for."""
-
-    recordings: list[str]
-    filters: list[str]
-    settings: list[Settings]  # one for each α
-    reference: str | None
-    json: str | None
-    plot: Path | None
+WORTH = 100_000_000  # bytes of recordings × runs: below it, one process is done before two start
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Exit code 0: all done; 1: a recording could not be used; 2: usage."""
-    return exit_with_sentence("evaluate", lambda: _evaluate(_job(argv)))
+    return exit_with_sentence("evaluate", lambda: _evaluate(job_of(argv), argv))
 
 
-def _job(argv: Sequence[str] | None) -> Job:
-    parser = Parser(
-        prog="evaluate",
-        description="Run filters over recordings and compare them with the truth.",
-        epilog=EPILOG,
-    )
-    parser.add_argument(
-        "recordings",
-        nargs="+",
-        metavar="RECORDING",
-        help="rosbag2 folder, .mcap, .db3, ROS 1 .bag, BROAD .mat or .csv",
-    )
-    parser.add_argument(
-        "--filters",
-        default="stateful",
-        metavar="A,B,...",
-        help=f"of {', '.join(filters.FILTERS)}; or all (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--alpha",
-        default=str(Settings.alpha),
-        metavar="V|START:STOP:COUNT",
-        help="weight of the gyroscope, 0 to 1 (default: %(default)s), or a sweep of COUNT values "
-        "with 1 - alpha, and so nearly the time constant, in equal ratios",
-    )
-    parser.add_argument(
-        "--alpha-rate",
-        type=float,
-        default=Settings.alpha_rate,
-        metavar="HZ",
-        help="alpha holds for 1/HZ seconds (default: %(default)g); 0: for each sample",
-    )
-    parser.add_argument(
-        "--reference",
-        metavar="TOPIC",
-        help="a bag's true orientation (default: ground_truth, if there is one)",
-    )
-    parser.add_argument("--json", metavar="FILE|-", help="write the results as JSON; - is stdout")
-    parser.add_argument(
-        "--plot",
-        type=Path,
-        metavar="FILE",
-        help="draw errors over time and the rotor's elements: .png, .svg or .pdf",
-    )
-    given = parser.parse_args(argv)
-    settings = [Settings(alpha=alpha, alpha_rate=given.alpha_rate) for alpha in sweep(given.alpha)]
-    job = Job(
-        list(dict.fromkeys(given.recordings)),
-        _filters(given.filters),
-        settings,
-        given.reference,
-        given.json,
-        given.plot,
-    )
-    if job.json not in (None, "-"):
-        _must_be_writable("--json", Path(job.json))
-    if job.plot:
-        from .figure import check_plot
-
-        check_plot(job.plot, len(job.recordings), len(job.settings))
-        _must_be_writable("--plot", job.plot)
-    return job
+def _evaluate(job: Job, argv: Sequence[str] | None) -> int:
+    one = len(job.recordings) == 1
+    title = Path(job.recordings[0]).name if one else f"{len(job.recordings)} recordings"
+    drawn = job.plot is not None or job.report is not None
+    with bar(f"evaluating {title}") as progress, Workers(_jobs(job), job.scheduler) as workers:
+        outcomes = _outcomes(job, workers, part(progress, 0.0, 0.6 if drawn else 1.0))
+        results = [result for outcome in outcomes for result in outcome.results]
+        views = _views(job, outcomes, results, workers, part(progress, 0.6, 0.4)) if drawn else []
+    for outcome in outcomes:
+        if outcome.error or outcome.remark:
+            _say(outcome.error or outcome.remark)
+    named = zip(outcomes, job.recordings, strict=True)
+    paths = {outcome.recording: Path(path) for outcome, path in named}
+    _write(job, results, views, paths, argv)
+    for best in best_alphas(results):
+        _say(best)
+    return int(any(outcome.error for outcome in outcomes))
 
 
-def sweep(text: str) -> list[float]:
-    """The values of α that ``V`` or ``START:STOP:COUNT`` names.
+def _jobs(job: Job) -> int | None:
+    """How many processes at most; None for one on each core."""
+    most = len(job.recordings) * len(job.filters)
+    if job.jobs is not None:
+        return min(job.jobs, most)
+    work = sum(map(_size, job.recordings)) * len(job.filters) * len(job.settings)
+    return None if most > 1 and work > WORTH else 1
 
-    A sweep is even in log(1 − α), which for α near 1 is minus the log of the time constant:
-    each value has the same part more of it than the last.
-    """
+
+def _size(recording: str) -> int:
+    """Bytes; 0 for what cannot be read, which will be told later."""
+    path = Path(recording)
     try:
-        start, *rest = text.split(":")
-        if not rest:
-            return [float(start)]
-        stop, count = rest
-        first, last, n = float(start), float(stop), int(count)
-    except ValueError:
-        raise UsageError(
-            f"--alpha must be a number or START:STOP:COUNT (as 0.99:0.9999:30), got {text!r}."
-        ) from None
-    if not (0.0 <= first < 1.0 and 0.0 <= last < 1.0):
-        raise UsageError(f"a sweep of alpha goes from 0 to below 1, got {text!r}.")
-    if not 2 <= n <= LONGEST_SWEEP:
-        raise UsageError(f"a sweep of alpha has 2 to {LONGEST_SWEEP} values, got {text!r}.")
-    inner = 1.0 - np.geomspace(1.0 - first, 1.0 - last, n)[1:-1]
-    return [first, *inner.tolist(), last]
+        files = path.iterdir() if path.is_dir() else [path]
+        return sum(file.stat().st_size for file in files)
+    except OSError:
+        return 0
 
 
-def _filters(text: str) -> list[str]:
-    if text == "all":
-        return list(filters.FILTERS)
-    names = list(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
-    if not names:
-        raise UsageError(f"--filters needs a name: {', '.join(filters.FILTERS)}, or all.")
-    for name in names:
-        filters.make(name)
-    return names
+def _outcomes(job: Job, workers: Workers, progress: Progress | None) -> list[Outcome]:
+    """What came of each recording, in parts where there are more workers than recordings."""
+    if not workers.here:
+        workers.each(compile_filter, job.filters, part(progress, 0.0, 0.2))
+        progress = part(progress, 0.2, 0.8)
+    share = math.ceil(len(job.filters) / math.ceil(workers.size / len(job.recordings)))
+    runs = [(name, tuple(job.settings)) for name in job.filters]
+    shares = [tuple(runs[start : start + share]) for start in range(0, len(runs), share)]
+    if job.scheduler is not None:  # its workers are at home in other folders
+        job = replace(job, recordings=[str(Path(path).absolute()) for path in job.recordings])
+    tasks = [
+        Task(path, own, job.reference, tuple(job.estimates) if own is shares[-1] else ())
+        for path in job.recordings
+        for own in shares
+    ]
+    done = workers.each(evaluate_task, tasks, progress)
+    outcomes = [joined(done[n : n + len(shares)]) for n in range(0, len(done), len(shares))]
+    names: set[str] = set()
+    for n, (path, outcome) in enumerate(zip(job.recordings, outcomes, strict=True)):
+        if outcome.recording in names:
+            outcomes[n] = outcome.renamed(path)
+        names.add(outcomes[n].recording)
+    return outcomes
 
 
-def _must_be_writable(option: str, path: Path) -> None:
-    if path.is_dir():
-        raise UsageError(f"{option} {path} is a folder, expected a file.")
-    if not path.parent.is_dir():
-        raise UsageError(f"{option} {path}: there is no folder {path.parent}.")
+def _views(
+    job: Job,
+    outcomes: Sequence[Outcome],
+    results: Sequence[Result],
+    workers: Workers,
+    progress: Progress | None,
+) -> list[View]:
+    """What is drawn of each recording that could be used, each filter with its best α."""
+    best = {found.filter: found.alpha for found in best_alphas(results)}
+    first = job.settings[0]
+    chosen = [(name, (replace(first, alpha=best.get(name, first.alpha)),)) for name in job.filters]
+    tasks = [
+        Task(path, tuple(chosen), job.reference, tuple(job.estimates))
+        for path, outcome in zip(job.recordings, outcomes, strict=True)
+        if not outcome.error
+    ]
+    views = workers.each(view_task, tasks, progress)
+    names = [outcome.recording for outcome in outcomes if not outcome.error]
+    return [replace(view, name=name) for view, name in zip(views, names, strict=True)]
 
 
-def _evaluate(job: Job) -> int:
-    results: list[Result] = []
-    trials: list[Trial] = []
-    failed = 0
-    for path in job.recordings:
-        try:
-            with bar(f"evaluating {Path(path).name}") as progress:
-                trial = _trial(path, job, progress)
-                if trial.name in {result.recording for result in results}:
-                    trial = replace(trial, name=path)
-                results += _results(trial, job, progress)
-        except UsageError:
-            raise
-        except AhrsError as error:
-            _say(error)
-            failed = 1
-            continue
-        if trial.truth is None:
-            _say(f"{trial.name} has no reference, so its errors are unknown (see --reference).")
-        elif not trial.has_mag:
-            _say(f"{trial.name} has no magnetometer samples: its heading starts at any angle.")
-        if job.plot:
-            trials.append(trial)
+def _write(
+    job: Job,
+    results: Sequence[Result],
+    views: Sequence[View],
+    paths: Mapping[str, Path],
+    argv: Sequence[str] | None,
+) -> None:
     if job.json:
         text = json.dumps(as_json(results), indent=2, allow_nan=False) + "\n"
         with _written(job.json if job.json != "-" else STDOUT):
@@ -188,25 +134,22 @@ def _evaluate(job: Job) -> int:
         with _written(STDOUT):
             write_table(results, sys.stderr if job.json == "-" else sys.stdout)
             sys.stdout.flush()
-    if job.plot and trials:
+    if job.csv:
+        with _written(job.csv), job.csv.open("w") as file:
+            write_csv(results, file)
+    if job.plot and views:
         from .figure import draw
 
         with bar(f"drawing {job.plot.name}"), _written(job.plot):
-            draw(trials, job.filters, job.settings[0], job.plot)
-    return failed
+            draw(views, job.plot)
+    if job.report and results:
+        from .report import report
 
-
-def _trial(path: str, job: Job, progress: Progress | None) -> Trial:
-    half = progress and (lambda done: progress(0.5 * done))
-    return prepare(load(path, job.reference, half))
-
-
-def _results(trial: Trial, job: Job, progress: Progress | None) -> Iterator[Result]:
-    runs = [(name, settings) for name in job.filters for settings in job.settings]
-    for done, (name, settings) in enumerate(runs):
-        if progress:
-            progress(0.5 + 0.5 * done / len(runs))
-        yield score(trial, name, settings)
+        page = report(
+            results, views, paths, ["evaluate", *(sys.argv[1:] if argv is None else argv)]
+        )
+        with _written(job.report):
+            job.report.write_text(page, encoding="utf-8")
 
 
 def _say(sentence: object) -> None:

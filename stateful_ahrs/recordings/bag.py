@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from itertools import takewhile
 from operator import eq
 from pathlib import Path
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from rosbags.rosbag2 import Reader as Reader2
 
 BLOCK = 8192  # messages held undecoded
+ESTIMATE = "estimate "  # begins the role of an orientation that was asked for
 
 
 class Topic(NamedTuple):
@@ -35,19 +36,23 @@ class Topic(NamedTuple):
 
 
 def load_bag(
-    path: Path, name: str, reference: str | None = None, progress: Progress | None = None
+    path: Path,
+    name: str,
+    reference: str | None = None,
+    progress: Progress | None = None,
+    estimates: Sequence[str] = (),
 ) -> Recording:
     """Read the inertial, the magnetometer and the reference topic of a bag, in received order.
 
     Of several Imu topics the first that ends in ``data_raw`` is taken, else the first; of several
     MagneticField topics the one whose name shares most with it. ``reference`` is a topic of a type
-    in `wire.ROTORS`; without it, the first named ``ground_truth`` is taken if there is one. A
-    header stamp of zero is replaced by the time of reception. What has a covariance that begins
-    with -1 is not reported (REP-145): NaN. A damaged bag is refused, even where a part of it
-    could be read.
+    in `wire.ROTORS`; without it, the first named ``ground_truth`` is taken if there is one. The
+    ``estimates`` are topics of these types too. A header stamp of zero is replaced by the time of
+    reception. What has a covariance that begins with -1 is not reported (REP-145): NaN. A damaged
+    bag is refused, even where a part of it could be read.
     """
     with damage_told(path), reader(path) as opened:
-        return _read(opened, is_ros1(path), path.name, name, reference, progress)
+        return _read(opened, is_ros1(path), path.name, name, reference, progress, estimates)
 
 
 class _Stream:
@@ -86,12 +91,13 @@ def _read(
     name: str,
     reference: str | None,
     progress: Progress | None,
+    estimates: Sequence[str],
 ) -> Recording:
     topics: dict[Topic, int] = {}
     for c in opened.connections:
         topic = Topic(c.topic, c.msgtype)
         topics[topic] = topics.get(topic, 0) + c.msgcount
-    roles = choose(file, topics, reference)
+    roles = choose(file, topics, reference, estimates)
     streams = {
         role: _Stream(topic, _decoder(role, topic, file, ros1)) for role, topic in roles.items()
     }
@@ -130,19 +136,24 @@ def _read(
         mag_received=mag.received if mag else np.empty(0, np.int64),
         reference_received=truth.received if truth else None,
         left_out=tuple(str(topic) for topic in topics if topic not in roles.values()),
+        estimates={
+            estimate: (streams[ESTIMATE + estimate].stamps, streams[ESTIMATE + estimate].values)
+            for estimate in estimates
+        },
     )
 
 
-def choose(file: str, topics: Mapping[Topic, int], reference: str | None) -> dict[str, Topic]:
+def choose(
+    file: str, topics: Mapping[Topic, int], reference: str | None, estimates: Sequence[str] = ()
+) -> dict[str, Topic]:
     """Which topic plays which role."""
     there = [topic for topic, count in topics.items() if count]
-    listed = f"It has: {', '.join(map(str, topics))}." if topics else "It has no topics."
     inertial = [topic for topic in there if topic.kind == IMU]
     if not inertial:
         found = next((topic.name for topic in topics if topic.kind == IMU), None)
         if found:
             raise RecordingError(f"{file} has no message on {found}.")
-        raise TopicError(f"{file} has no {IMU} topic. {listed}")
+        raise TopicError(f"{file} has no {IMU} topic. {_listed(topics)}")
     imu = next((topic for topic in inertial if topic.name.endswith("data_raw")), inertial[0])
     roles = {"imu": imu}
 
@@ -150,26 +161,39 @@ def choose(file: str, topics: Mapping[Topic, int], reference: str | None) -> dic
     if fields:
         roles["mag"] = max(fields, key=lambda topic: _shared(topic.name, imu.name))
 
-    if reference is None:
-        truths = [t for t in there if t.name.split("/")[-1] == "ground_truth" and t.kind in ROTORS]
-    else:
-        named = [topic for topic in topics if topic.name.strip("/") == reference.strip("/")]
-        if not named:
-            raise TopicError(f"{file} has no topic {reference}. {listed}")
-        truths = [topic for topic in named if topic.kind in ROTORS]
-        if not truths:
-            raise TopicError(
-                f"{file}: {named[0]} has no orientation; a reference is one of {', '.join(ROTORS)}."
-            )
-        truths = [topic for topic in truths if topics[topic]]
-        if not truths:
-            raise RecordingError(f"{file} has no message on {reference}.")
-    if truths:
-        roles["reference"] = truths[0]
-        movement = Topic(f"{truths[0].name}/movement", BOOL)
+    for estimate in estimates:
+        roles[ESTIMATE + estimate] = _orientation(file, topics, estimate, "an estimate")
+
+    truths = (t for t in there if t.name.split("/")[-1] == "ground_truth" and t.kind in ROTORS)
+    truth = next(truths, None)
+    if reference is not None:
+        truth = _orientation(file, topics, reference, "a reference")
+    if truth:
+        roles["reference"] = truth
+        movement = Topic(f"{truth.name}/movement", BOOL)
         if movement in there:
             roles["movement"] = movement
     return roles
+
+
+def _orientation(file: str, topics: Mapping[Topic, int], name: str, what: str) -> Topic:
+    """The topic of that name, which must have an orientation and messages."""
+    named = [topic for topic in topics if topic.name.strip("/") == name.strip("/")]
+    if not named:
+        raise TopicError(f"{file} has no topic {name}. {_listed(topics)}")
+    turning = [topic for topic in named if topic.kind in ROTORS]
+    if not turning:
+        raise TopicError(
+            f"{file}: {named[0]} has no orientation; {what} is one of {', '.join(ROTORS)}."
+        )
+    told = [topic for topic in turning if topics[topic]]
+    if not told:
+        raise RecordingError(f"{file} has no message on {name}.")
+    return told[0]
+
+
+def _listed(topics: Mapping[Topic, int]) -> str:
+    return f"It has: {', '.join(map(str, topics))}." if topics else "It has no topics."
 
 
 def _shared(name: str, other: str) -> int:
@@ -196,7 +220,7 @@ def _decoder(
             return stamps, _reported(values[:, :3], values[:, 3])
         x = ROTORS[topic.kind]
         rotors = values[:, [x + 3, x, x + 1, x + 2]]
-        known = rotors.any(axis=1)
+        known = np.asarray(rotors.any(axis=1))
         if topic.kind == IMU:
             known &= values[:, 4] != -1.0
         return stamps, np.where(known[:, None], rotors, np.nan)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from ..errors import RecordingError
 from .bag import load_bag
 from .broad import load_broad
 from .csv_file import load_csv
@@ -15,17 +16,23 @@ TABLES: dict[str, Callable[[Path, str], Recording]] = {".mat": load_broad, ".csv
 
 
 def load(
-    path: Path | str, reference: str | None = None, progress: Progress | None = None
+    path: Path | str,
+    reference: str | None = None,
+    progress: Progress | None = None,
+    estimates: Sequence[str] = (),
 ) -> Recording:
     """Read a rosbag2 folder, an .mcap, a .db3, a ROS 1 .bag, a BROAD .mat or a .csv.
 
-    ``reference`` is the topic of a bag that tells the truth (see `load_bag`); tables have none.
-    Raises RecordingError for what cannot be read as a whole, TopicError for a missing topic.
+    ``reference`` is the topic of a bag that tells the truth and ``estimates`` are topics to be
+    compared with it (see `load_bag`); tables have neither. Raises RecordingError for what cannot
+    be read as a whole, TopicError for a missing topic.
     """
     path = Path(path)
     require(path, (*BAGS, *TABLES))
     if path.is_dir():
-        return load_bag(path, path.resolve().name, reference, progress)
+        return load_bag(path, path.resolve().name, reference, progress, estimates)
     if path.suffix in TABLES:
+        if estimates:
+            raise RecordingError(f"{path.name} is no bag: it has no topic {estimates[0]}.")
         return TABLES[path.suffix](path, path.stem)
-    return load_bag(path, path.stem, reference, progress)
+    return load_bag(path, path.stem, reference, progress, estimates)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,8 @@ class Recording:
     mag_received: Stamps | None = None  # (k,) never decreases
     reference_received: Stamps | None = None  # (r,) never decreases
     left_out: tuple[str, ...] = ()  # topics or columns of the source that are not in here
+    # Orientations that were asked for by topic: stamps (e,) and rotors (e, 4), NaN where unknown.
+    estimates: Mapping[str, tuple[Stamps, Array]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Raise ValueError if times of reception decrease."""

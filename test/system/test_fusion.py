@@ -146,6 +146,15 @@ def settings(frame):
     return filters.Settings(north_at_start=WorldFrame(frame).north_at_zero_yaw)
 
 
+def test_what_a_filter_learned_is_in_diagnostics(graph):
+    heard = graph.hear(DiagnosticArray, "/diagnostics")
+    graph.start("fusion", filter="learning")
+    until(lambda: status(heard, "fusion")[2].get("mag_trust") == "1", "the filter's own values")
+    values = status(heard, "fusion")[2]
+    assert values["learned_bias_rad_s"] == "0 0 0"
+    assert values["heading_stddev_rad"] == "inf"
+
+
 # Stamps and clocks
 
 
