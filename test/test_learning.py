@@ -286,14 +286,23 @@ def test_the_first_heading_comes_at_once_and_leaves_the_tilt_alone(learning):
     for i in range(300):
         learning.update_imu((0.0, 0.0, 0.0), accel, 0.0 if i == 0 else 0.01)
     assert not learning.heading_known
+    for _ in range(20):  # shaken just now: the low-passed up is 2° off
+        learning.update_imu((0.0, 0.0, 0.0), (4.0, 0.0, 9.81), 0.01)
     learning.update_mag(mag)
-    learning.update_imu((0.0, 0.0, 0.0), (4.0, 0.0, 9.81), 0.01)  # shaken just now
+    learning.update_imu((0.0, 0.0, 0.0), accel, 0.01)
     assert learning.heading_known
-    assert difference(learning.rotor, truth) < 0.2 * DEGREE
+    assert difference(learning.rotor, truth) < 0.5 * DEGREE
     for _ in range(500):
         learning.update_mag(mag)
         learning.update_imu((0.0, 0.0, 0.0), accel, 0.01)
-        assert difference(learning.rotor, truth) < 0.2 * DEGREE
+    assert difference(learning.rotor, truth) < 0.5 * DEGREE
+
+
+@pytest.mark.parametrize("motion", [MOTIONS["rest"], WILD], ids=["rest", "soon in motion"])
+def test_the_start_is_a_mean_of_snapshots(learning, motion):
+    samples, truth = recording(4.0, motion=motion)
+    # of 1.4° for one snapshot (0.6 µT in 25 µT) a weight of 3 / n leaves a ninth after 2 s
+    assert errors_deg(learning.run(samples), truth)[200:].max() < 0.5
 
 
 def test_a_start_in_motion_converges_within_seconds(learning):
