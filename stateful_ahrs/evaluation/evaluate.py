@@ -164,3 +164,7 @@ def _written(name: Path | str) -> Iterator[None]:
         raise
     except OSError as error:
         raise AhrsError(f"{name} cannot be written: {error.strerror or error}.") from None
+
+
+if __name__ == "__main__":
+    sys.exit(main())
