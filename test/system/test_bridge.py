@@ -89,10 +89,12 @@ def test_the_sketch_sends_what_the_chip_measures(
     assert stamps == sorted(set(stamps))
     assert parser.discarded == 1  # the zero at the start
     # its clock is that of this machine, which stamps the simulator's log too; it wraps
-    late = sorted(
-        ((record.clock or 0) - stamp) % WRAP for record, stamp in zip(records, stamps, strict=True)
-    )
-    assert min(late[len(late) // 2], WRAP - late[len(late) // 2]) < 1_000_000
+    late = [
+        ((record.clock or 0) - stamp + WRAP // 2) % WRAP - WRAP // 2
+        for record, stamp in zip(records, stamps, strict=True)
+    ]
+    # a busy machine reads late, now and then even late by much, but never only late
+    assert min(map(abs, late)) < 1_000_000
     mags = [record.reading.mag for record in records if record.reading.mag]
     assert len(mags) == pytest.approx(len(records) / 10, rel=0.3)
     assert mags[-1] == pytest.approx((25e-6, 0.0, -43e-6), abs=4e-6)
