@@ -64,8 +64,8 @@ def graph() -> Iterator[None]:
         yield
     except ParameterException as error:
         raise UsageError(one_line(error)) from None
-    except rclpy_implementation.RCLError:
-        if rclpy.ok():  # else a publisher lost the race with the shutdown
+    except (RuntimeError, rclpy_implementation.RCLError):
+        if rclpy.ok():  # else something was made or published when ROS had shut down
             raise
     finally:
         rclpy.try_shutdown()

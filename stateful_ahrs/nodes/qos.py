@@ -25,13 +25,13 @@ SENSOR_SUBSCRIBER = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EF
 
 def advertise(node: Node, kind: type, topic: str) -> Any:
     """A publisher of the node; `UsageError` if its QoS was overridden with what is none."""
-    with _refused(topic):
+    with _refused(node, topic):
         return node.create_publisher(kind, topic, PUBLISHER, qos_overriding_options=OVERRIDABLE)
 
 
 def subscribe(node: Node, kind: type, topic: str, callback: Any, on_lost: Any) -> Any:
     """A sensor subscription; ``on_lost`` hears of samples that the middleware lost."""
-    with _refused(topic):
+    with _refused(node, topic):
         return node.create_subscription(
             kind,
             topic,
@@ -43,8 +43,10 @@ def subscribe(node: Node, kind: type, topic: str, callback: Any, on_lost: Any) -
 
 
 @contextmanager
-def _refused(topic: str) -> Iterator[None]:
+def _refused(node: Node, topic: str) -> Iterator[None]:
     try:
         yield
     except (RuntimeError, rclpy_implementation.RCLError) as error:
+        if not node.context.ok():  # the node was told to end before it was made
+            raise
         raise UsageError(f"the QoS for {topic} cannot be used: {error}") from None
