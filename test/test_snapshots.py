@@ -11,6 +11,7 @@ from strategies import rotors, vectors
 from test_dcm import felt
 
 from stateful_ahrs.filters.compiled import compiled
+from stateful_ahrs.filters.lerp import roll_pitch_yaw
 from stateful_ahrs.rotor import IDENTITY, difference, from_axis_angle, product, unit
 from stateful_ahrs.snapshot.aqua import aqua
 from stateful_ahrs.snapshot.dcm import dcm
@@ -18,7 +19,7 @@ from stateful_ahrs.snapshot.fqa import fqa, half_angle
 from stateful_ahrs.snapshot.markley import markley
 from stateful_ahrs.snapshot.saam import saam
 
-EVERYWHERE = [dcm, fqa, markley, aqua]
+EVERYWHERE = [dcm, fqa, markley, aqua, roll_pitch_yaw]
 ALL = [*EVERYWHERE, saam]
 EQUAL = math.radians(1e-6)
 SOLID = 1e-5  # of SAAM's x; its rounding errors are 1/x times as large as the others'

@@ -8,9 +8,21 @@ from typing import Any, Protocol
 
 from ..errors import UsageError
 from ..rotor import Rotor, Vector
+from ..snapshot.aqua import aqua as aqua_snapshot
+from ..snapshot.fqa import fqa
+from ..snapshot.markley import markley
+from ..snapshot.saam import saam
+from . import aqua, lerp
+from .cubature import ckf, kckf, point_free
+from .fkf import fkf
+from .gdalkf import gdalkf
+from .kalman import Noise, ekf, kalman
+from .kernel import KernelFilter, Report
 from .learning_filter import LearningFilter
 from .samples import Array, Samples
-from .stateful import Report, Settings, StatefulFilter
+from .settings import DEFAULTS, Settings
+from .stateful import PRINTED, StatefulFilter, over
+from .unscented import kukf, ukf
 
 
 class Filter(Protocol):
@@ -51,16 +63,42 @@ class Filter(Protocol):
 
 
 AS_PUBLISHED: dict[str, Any] = {"normalise": False, "average_start": False}
+OTHERS = {"saam": saam, "fqa": fqa, "markley": markley, "aqua": aqua_snapshot}
 
+# How each filter is made of the user's settings.
 FILTERS: dict[str, Callable[[Settings], Filter]] = {
     "stateful": StatefulFilter,
     "paper": partial(StatefulFilter, **AS_PUBLISHED),
     "paper_stateless": partial(StatefulFilter, **AS_PUBLISHED, stateful=False),
+    "paper_printed": partial(KernelFilter, PRINTED, **AS_PUBLISHED),
+    **{
+        f"paper_{name}": partial(KernelFilter, over(snapshot), **AS_PUBLISHED)
+        for name, snapshot in OTHERS.items()
+    },
+    **{
+        f"paper_stateless_{name}": partial(
+            KernelFilter, over(snapshot), **AS_PUBLISHED, stateful=False
+        )
+        for name, snapshot in OTHERS.items()
+    },
+    "gyro": partial(StatefulFilter, alpha=1.0, average_start=False),
+    "lerp": partial(KernelFilter, lerp.LERP, average_start=False),
+    "lerp_as_printed": partial(KernelFilter, lerp.AS_PRINTED),
+    "aqua": partial(KernelFilter, aqua.AQUA),
+    "aqua_as_printed": partial(KernelFilter, aqua.AS_PRINTED),
+    "ekf": partial(KernelFilter, kalman(ekf)),
+    "ckf": partial(KernelFilter, kalman(ckf)),
+    "kckf": partial(KernelFilter, kalman(kckf)),
+    "ckf_point_free": partial(KernelFilter, kalman(point_free)),
+    "ukf": partial(KernelFilter, kalman(ukf)),
+    "kukf": partial(KernelFilter, kalman(kukf)),
+    "fkf": partial(KernelFilter, kalman(fkf, Noise(accel=0.29, mag=0.5))),
+    "gdalkf": partial(KernelFilter, kalman(gdalkf, Noise(accel=0.39, mag=0.14))),
     "learning": LearningFilter,
 }
 
 
-def make(name: str, settings: Settings = Settings()) -> Filter:
+def make(name: str, settings: Settings = DEFAULTS) -> Filter:
     """The filter of that name; `UsageError` for an unknown one."""
     if name not in FILTERS:
         raise UsageError(f"there is no filter {name!r}; there are {', '.join(FILTERS)}.")

@@ -1,8 +1,9 @@
 """One source, two speeds: kernels run as they are, or compiled by numba over a recording.
 
 A kernel is a plain function on floats and tuples. `compiled` makes a twin of it in which it and
-every kernel it calls are compiled; without numba the twin is the kernel itself. Nodes never come
-here, so they start without numba.
+every kernel it calls are compiled; without numba the twin is the kernel itself. Nodes compile
+nothing, so they start without numba. `bind` makes a twin that calls other kernels than its source
+names, so that one step serves a family of filters.
 """
 
 from __future__ import annotations
@@ -41,29 +42,45 @@ def _numba() -> ModuleType | None:
 
 
 @functools.cache
-def compiled(kernel: Callable[..., Any], **bindings: Callable[..., Any]) -> Callable[..., Any]:
-    """The kernel, compiled with all kernels it calls; ``bindings`` replace names it uses."""
+def bind(kernel: Callable[..., Any], **kernels: Callable[..., Any]) -> Callable[..., Any]:
+    """A twin of the kernel that calls these where its source says their names."""
+    bound = (f"{k.__module__.rpartition('.')[2]}_{k.__qualname__}" for k in kernels.values())
+    return _twin(kernel, kernels, "_of_".join([kernel.__qualname__, *bound]))
+
+
+@functools.cache
+def compiled(kernel: Callable[..., Any], inline: bool = False) -> Callable[..., Any]:
+    """The kernel, compiled with all kernels it calls; the kernel itself without numba.
+
+    ``inline`` makes one function of all, so that tuples stay in registers. It runs up to twice as
+    fast, and where kernels are long it takes minutes to compile.
+    """
     numba = _numba()
-    names: dict[str, Any] = dict(bindings)
-    twin_globals = dict(kernel.__globals__)
-    for name in kernel.__code__.co_names:
-        value = names.get(name, twin_globals.get(name))
-        if isinstance(value, FunctionType) and value.__module__.startswith(PACKAGE + "."):
-            names[name] = compiled(value)
-    if numba is None and not bindings:
+    if numba is None:
         return kernel
-    twin_globals.update(names)
-    twin = FunctionType(kernel.__code__, twin_globals, kernel.__name__, kernel.__defaults__)
+    called = {
+        name: compiled(value, inline)
+        for name in kernel.__code__.co_names
+        if isinstance(value := kernel.__globals__.get(name), FunctionType)
+        and value.__module__.startswith(PACKAGE + ".")
+    }
+    twin = _twin(kernel, called, kernel.__qualname__ + "_inline" * inline)
+    # Kernels divide by nothing that can be zero, so numba need not look.
+    jit = numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=inline)
+    return jit(twin)  # type: ignore[no-any-return]
+
+
+def _twin(kernel: Callable[..., Any], names: dict[str, Any], qualname: str) -> FunctionType:
+    names = {**kernel.__globals__, **names}
+    twin = FunctionType(kernel.__code__, names, kernel.__name__, kernel.__defaults__)
     twin.__module__ = kernel.__module__
-    twin.__qualname__ = "_of_".join(
-        [kernel.__qualname__, *(f"{b.__module__}.{b.__qualname__}" for b in bindings.values())]
-    ).replace(".", "_")
-    return numba.njit(twin, cache=True, nogil=True) if numba is not None else twin
+    twin.__qualname__ = qualname  # by which numba's cache tells twins apart
+    return twin
 
 
 def run_steps(step: Callable[..., Any]) -> Callable[..., Any]:
     """The loop of a filter's ``step(state, gains, gyro, accel, mag, dt)`` over a recording."""
-    return compiled(_run, step=step)
+    return compiled(bind(_run, step=step), inline=True)
 
 
 def step(*_: Any) -> Any:

@@ -1,0 +1,56 @@
+"""What a user chooses of any filter."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from ..errors import UsageError
+from ..rotor import Vector
+
+NORTH: Vector = (1.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a user chooses. Times in seconds."""
+
+    alpha: float = 0.9967  # weight of the gyroscope path over 1 / alpha_rate
+    alpha_rate: float = 100.0  # Hz; 0: alpha applies to each sample, as in the paper
+    stateful: bool = True  # False: the snapshot keeps its own sign, the paper's baseline
+    normalise: bool = True  # after each blend, if stateful; the paper does not
+    average_start: bool = True  # in the first second the mean of all snapshots; not in the paper
+    use_mag: bool = True
+    mag_timeout: float = 0.5  # older than this a magnetometer sample is stale
+    north_at_start: Vector = NORTH  # sensor axis taken for north until a magnetometer tells
+    # Of `learning` alone, which learns the gyroscope's bias in any case; False keeps what is known:
+    learn_misalignment: bool = True  # of the gyroscope's axes, and their scale
+    learn_mag: bool = True  # the magnetometer's delay and the hard iron left over
+
+    def __post_init__(self) -> None:
+        """Refuse what makes no filter."""
+        if not 0.0 <= self.alpha <= 1.0:
+            raise UsageError(f"alpha must be between 0 and 1, got {self.alpha}.")
+        if not 0.0 <= self.alpha_rate <= 1e6:
+            raise UsageError(
+                f"alpha_rate must be between 0 (alpha applies to each sample) and 1e6 Hz, "
+                f"got {self.alpha_rate}."
+            )
+        if not self.mag_timeout >= 0.0:
+            raise UsageError(f"mag_timeout must be 0 or more s, got {self.mag_timeout}.")
+        if not any(self.north_at_start):
+            raise UsageError("north_at_start must be a direction, got zero.")
+
+    @property
+    def time_constant(self) -> float:
+        """Seconds in which the snapshot's weight grows to 1 − 1/e; nan if α is per sample."""
+        if self.alpha_rate <= 0.0:
+            return math.nan
+        if self.alpha <= 0.0:
+            return 0.0
+        if self.alpha >= 1.0:
+            return math.inf
+        return -1.0 / (self.alpha_rate * math.log(self.alpha))
+
+
+DEFAULTS = Settings()
