@@ -24,10 +24,15 @@ PACKAGE = __name__.partition(".")[0]
 
 @functools.cache
 def _numba() -> ModuleType | None:
-    """Numba, with its cache in a folder that changes with the sources, or None."""
+    """Numba, with its cache in a folder that changes with the kernels, or None.
+
+    Numba itself sees when a kernel's own file changes, but not those of the kernels it calls.
+    """
     if importlib.util.find_spec("numba") is None:
         return None
-    sources = sorted(Path(__file__).parents[1].rglob("*.py"))
+    package = Path(__file__).parents[1]
+    rooms = (package / "snapshot", package / "filters")
+    sources = [package / "rotor.py", *sorted(path for room in rooms for path in room.glob("*.py"))]
     key = hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()[:16]
     home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
     folder = os.path.join(home, PACKAGE, key)
