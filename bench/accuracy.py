@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 
 import joblib
 import numpy as np
+
 from stateful_ahrs import filters
 from stateful_ahrs.evaluation.groups import groups
 from stateful_ahrs.evaluation.metrics import Rmse, Truth, rmse_deg
