@@ -156,7 +156,8 @@ def test_frozen_counts_are_an_error_until_they_change(tmp_path: Path):
         ({"port": "/dev/nosuchport"}, 1, "/dev/nosuchport: there is no such port, there is"),
         ({"protocol": "nmea"}, 2, "protocol must be one of auto, frame, razor, rt_usb"),
         ({"fifo": True}, 2, "fifo is for transport i2c"),
-        ({"baudrate": 0}, 2, "baudrate must be above 0, got 0"),
+        ({"baudrate": 0}, 2, "baudrate must be between 1 and 12000000, got 0"),
+        ({"port": ""}, 2, "the ROS arguments cannot be used: "),
     ],
 )
 def test_what_cannot_be_read_ends_with_one_sentence(
