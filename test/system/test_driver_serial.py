@@ -15,6 +15,7 @@ import pytest
 pytest.importorskip("rclpy", reason="ROS 2 is neither sourced nor installed from PyPI")
 
 import edge
+from diagnostic_msgs.srv import SelfTest
 from edge import ERROR, OK, Health
 from graph import Graph, nanoseconds, until
 from samples import lost_and_torn
@@ -151,6 +152,10 @@ def test_a_board_that_falls_silent_freezes_or_restarts_goes_on(tmp_path: Path):
         assert int(values["device_clock_restarts"]) == before + 1  # mapped anew
         assert values["losses"] == "2"
         desk.check_time()
+        refused = graph.call(SelfTest, f"{desk.space}/imu_driver/self_test")
+        assert refused.passed == b"\x00"
+        assert "needs transport i2c" in refused.status[0].message
+        assert desk.health.until(OK, count=2)["losses"] == "2"
 
 
 # --- what cannot be started ----------------------------------------------------------------------
