@@ -223,3 +223,22 @@ with smbus2.SMBus(1) as bus:
         [sys.executable, "-c", program], capture_output=True, text=True, timeout=20.0
     )
     assert found.stdout.split("\n")[:4] == ["113", "[24, 16, 3]", "0x310", "121"], found.stderr
+
+
+def test_a_bus_that_is_closed_in_the_midst_of_a_sample_is_a_failed_transaction(
+    simulator: Simulator,
+):
+    program = """
+from stateful_ahrs.mpu9250.bus import BusError
+from stateful_ahrs.mpu9250.i2c import I2cBus
+bus = I2cBus(1)
+bus.close()
+try:
+    bus.read(0x68, 0x75, 1)
+except BusError as error:
+    print(error)
+"""
+    found = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=20.0
+    )
+    assert found.stdout == "/dev/i2c-1 has been closed.\n", found.stderr
