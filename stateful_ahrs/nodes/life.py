@@ -25,7 +25,7 @@ def run(name: str, make: Callable[[], Node], specs: Iterable[Spec]) -> int:
     """Make the node and run it until it is told to end; return the exit code."""
 
     def command() -> None:
-        own = remove_ros_args(sys.argv)[1:]
+        own = own_arguments(sys.argv)[1:]
         if own and own[0] in ("-h", "--help"):
             print(f"usage: {name} [--ros-args -p NAME:=VALUE ...]\n\nParameters:")
             for spec in specs:
@@ -44,6 +44,14 @@ def run(name: str, make: Callable[[], Node], specs: Iterable[Spec]) -> int:
                 node.destroy_node()
 
     return exit_with_sentence(name, command)
+
+
+def own_arguments(argv: list[str]) -> list[str]:
+    """What ROS leaves of the arguments; `UsageError` if it does not understand its own."""
+    try:
+        return list(remove_ros_args(argv))
+    except Exception as error:
+        raise UsageError(f"the ROS arguments cannot be used: {one_line(error)}") from None
 
 
 @contextmanager
