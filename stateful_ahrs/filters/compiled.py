@@ -46,6 +46,11 @@ def _numba() -> ModuleType | None:
     return numba
 
 
+def cold() -> bool:
+    """Whether kernels will have to be compiled, because none was since they last changed."""
+    return _numba() is not None and not any(Path(os.environ["NUMBA_CACHE_DIR"]).iterdir())
+
+
 @functools.cache
 def bind(kernel: Callable[..., Any], **kernels: Callable[..., Any]) -> Callable[..., Any]:
     """A twin of the kernel that calls these where its source says their names."""
