@@ -206,3 +206,22 @@ def test_every_part_has_a_name_of_its_own():
 def test_a_folder_without_trials_is_refused(tmp_path, capsys):
     assert main(["--data", str(tmp_path), "--docs", str(tmp_path)]) == 2
     assert "there is no .mat file of BROAD in it" in capsys.readouterr().err
+
+
+def test_the_page_begins_with_its_verdicts_counted(tmp_path):
+    def claims() -> Section:
+        rows = [
+            Claim(name, "1", "2", verdict)
+            for name, verdict in (
+                ("a", page.AS_PRINTED),
+                ("b", page.WRONG + ": swapped"),
+                ("c", page.MEASURED),
+            )
+        ]
+        return Section("Table 7", "A text.", rows)
+
+    page.write({"A paper": [Part("one", claims)], "Another": []}, tmp_path, broad=False)
+    text = (tmp_path / "reproduction.md").read_text()
+    assert "| A paper | 1 | 0 | 0 | 1 |" in text
+    assert "- A paper. Table 7: b: swapped" in text
+    assert "| Another" not in text

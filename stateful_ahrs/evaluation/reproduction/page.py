@@ -116,7 +116,7 @@ def write(
     old = _sections(page.read_text(encoding="utf-8")) if page.exists() else {}
     figures = docs / page.stem
     figures.mkdir(parents=True, exist_ok=True)
-    text = HEAD
+    text = ""
     for paper, parts in papers.items():
         text += f"\n## {paper}\n"
         for part in parts:
@@ -130,7 +130,30 @@ def write(
                 for name, svg in section.figures.items():
                     (figures / f"{name}.svg").write_text(svg + "\n", encoding="utf-8")
             text += f"\n<!-- {part.name} -->\n{made}<!-- end -->\n"
-    page.write_text(text, encoding="utf-8")
+    page.write_text(HEAD + "\n".join(summary(text)) + "\n" + text, encoding="utf-8")
+
+
+def summary(text: str) -> list[str]:
+    """How often each verdict was given to each paper, and what is wrong in them."""
+    verdicts = {AS_PRINTED: 0, BETTER: 1, WORSE: 2, DIFFERENT: 2, WRONG: 3}
+    rows, wrong, section = [["", "as printed", "better", "short or different", "wrong"]], [], ""
+    numbers: list[int] = []
+    for line in [*text.splitlines(), "## "]:
+        if line.startswith("## "):
+            if any(numbers):
+                rows[-1] += [str(number) for number in numbers]
+            rows.append([line.removeprefix("## ")])
+            numbers = [0] * 4
+        section = line.removeprefix("### ") if line.startswith("### ") else section
+        claim = re.fullmatch(r"\| (.*) \| .* \| .* \| \*\*(.*)\*\* \|", line)
+        for verdict, column in verdicts.items():
+            if claim and claim[2].startswith(verdict):
+                numbers[column] += 1
+                if verdict == WRONG:
+                    why = claim[2].removeprefix(WRONG).removeprefix(": ")
+                    wrong.append(f"- {rows[-1][0]}. {section}: {claim[1]}{why and f': {why}'}")
+    full = [row for row in rows if len(row) == len(rows[0])]
+    return ["", *table(full), "", "What is wrong in print:", "", *wrong]
 
 
 def _sections(text: str) -> dict[str, str]:
