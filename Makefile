@@ -1,4 +1,4 @@
-# demo, test and lint first set up what they need in VENV: the package, editable, with its extras.
+# demo, test, lint and reproduce first set up what they need in VENV: the package, editable, with its extras.
 # Where ROS 2 Jazzy is sourced they use its rclpy, elsewhere the wheels from PyPI.
 
 VENV        ?= .venv
@@ -6,6 +6,7 @@ PYTHONS     ?= python3.12 python3.13 python3.11 python3.10 python3.14 python3
 DURATION    ?= 20
 BAG         ?=
 CONSTRAINTS ?=
+DATA        ?=
 
 comma   := ,
 ROS     := $(or $(ROS_DISTRO),pypi)
@@ -22,7 +23,7 @@ NAMES    = $(shell sed -n 's/.*"\([a-z_]*\) = stateful_ahrs\..*/\1/p' setup.py)
 export BAG
 export AMENT_PREFIX_PATH := $(abspath $(VENV))$(addprefix :,$(AMENT_PREFIX_PATH))
 
-.PHONY: setup demo test test-ubuntu lint clean
+.PHONY: setup demo test test-ubuntu lint reproduce clean
 
 setup: $(READY)
 
@@ -41,6 +42,10 @@ lint: $(READY)
 	@$(RUN) -m ruff check
 	@$(RUN) -m ruff format --check
 	@$(RUN) -m mypy
+
+# docs/reproduction.md: the papers' figures and tables; DATA is the folder of BROAD's .mat files.
+reproduce: $(READY)
+	@$(RUN) -m stateful_ahrs.evaluation.reproduction --data "$(DATA)"
 
 clean:
 	rm -rf .venv .venv-ubuntu build install log *.egg-info

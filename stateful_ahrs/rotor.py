@@ -98,7 +98,8 @@ def from_rate(rate: Vector, dt: float) -> Rotor:
     Eq. 12 approximates to second order. A turn above 0.2 rad in one step, as across a gap
     between samples, takes the exact eq. 11 instead.
     """
-    x, y, z = 0.5 * dt * rate[0], 0.5 * dt * rate[1], 0.5 * dt * rate[2]
+    h = 0.5 * dt
+    x, y, z = h * rate[0], h * rate[1], h * rate[2]
     square = x * x + y * y + z * z
     if square > 0.01:
         half = math.sqrt(square)

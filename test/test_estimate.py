@@ -102,6 +102,15 @@ def test_several_stand_side_by_side_also_the_reference_itself(tmp_path, capsys):
     assert rows["ground_truth"]["rmse_deg"]["total"] == pytest.approx(0.0, abs=1e-9)
 
 
+def test_of_two_imu_topics_the_one_that_was_taken_is_told(tmp_path, capsys):
+    bag = write_bag(tmp_path / "bag", "/imu/data")
+    assert main([bag]) == 0
+    told = "evaluate: bag: /imu/data_raw is the Imu topic that is taken, not /imu/data.\n"
+    assert capsys.readouterr().err == told
+    assert main([bag, "--estimate", "/imu/data"]) == 0  # whose topic is no longer open to choice
+    assert capsys.readouterr().err == ""
+
+
 def test_without_a_reference_its_flips_are_still_counted(tmp_path, capsys):
     bag = write_bag(tmp_path / "bag", "/a", truth=False, flipped=range(50, 60))
     row = rows_of(capsys, bag, "--estimate", "/a")["/a"]

@@ -256,7 +256,7 @@ def test_a_tumble_by_a_rough_hand_is_refused():
 # --- magnetometer --------------------------------------------------------------------------------
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     st.tuples(*[st.floats(-300e-6, 300e-6)] * 3),
     st.tuples(*[st.floats(-0.1, 0.1)] * 6),
@@ -293,7 +293,7 @@ def test_half_a_sphere_is_refused_for_its_condition():
         fit_mag(fields(sphere(1000, lowest=0.0)))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(rotors(), st.floats(0.0, 0.5))
 def test_a_turn_about_one_axis_is_refused_as_planar(q, height):
     angles = np.linspace(0.0, 2.0 * np.pi, 1000)

@@ -230,7 +230,6 @@ def direction(v):
 
 
 @given(problems())
-@settings(deadline=None)  # the textbooks take their time
 @each
 def test_one_step_is_the_textbooks(estimate, problem):
     x, p, model = problem
@@ -377,7 +376,7 @@ sample = st.tuples(vectors(2e3), vectors(1e4), vectors(1.0), st.floats(0.0, 1.0)
 
 
 @given(st.lists(sample, max_size=20), st.sampled_from([0.1, 1e3]))
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @each
 def test_no_covariance_runs_away(estimate, inputs, gyro_noise):
     f = KernelFilter(kalman(estimate, Noise(gyro=gyro_noise)))

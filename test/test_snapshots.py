@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import assume, example, given, settings
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from strategies import rotors, vectors
 from test_dcm import felt
@@ -161,7 +161,6 @@ def test_whatever_comes_in_a_unit_rotor_comes_out(snapshot, accel, mag):
 
 
 @given(rotors(), dips)
-@settings(deadline=None)  # the first one compiles
 @each
 def test_compiled_snapshots_are_the_same(snapshot, q, dip):
     vectors = felt(q, dip)

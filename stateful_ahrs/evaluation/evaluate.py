@@ -12,6 +12,7 @@ from pathlib import Path
 
 from ..command import exit_with_sentence
 from ..errors import AhrsError
+from ..filters.compiled import cold
 from ..recordings import Progress
 from ..recordings.progress import bar
 from .best import best_alphas
@@ -23,6 +24,7 @@ from .work import Outcome, Task, compile_filter, evaluate_task, joined, view_tas
 from .workers import Workers, part
 
 STDOUT = "standard output"
+FEW = 3  # filters; more are compiled in several processes, as that takes seconds for each
 WORTH = 100_000_000  # bytes of recordings × runs: below it, one process is done before two start
 
 
@@ -56,7 +58,7 @@ def _jobs(job: Job) -> int | None:
     if job.jobs is not None:
         return min(job.jobs, most)
     work = sum(map(_size, job.recordings)) * len(job.filters) * len(job.settings)
-    return None if most > 1 and work > WORTH else 1
+    return None if most > 1 and (work > WORTH or (len(job.filters) > FEW and cold())) else 1
 
 
 def _size(recording: str) -> int:

@@ -40,6 +40,7 @@ class Trial:
     samples: Samples
     truth: Truth | None  # at the stamps of the samples
     has_mag: bool
+    choices: tuple[str, ...] = ()  # what the user should know of the recording's topics
     estimates: Mapping[str, Estimate] = field(default_factory=dict)
 
 
@@ -84,7 +85,7 @@ def prepare(recording: Recording) -> Trial:
     has_mag = bool(np.isfinite(mag).any())
     estimates = {topic: _estimate(recording, topic) for topic in recording.estimates}
     paired = replace(paired, gyro=gyro, accel=accel, mag=mag)
-    return Trial(name, paired, truth, has_mag, estimates)
+    return Trial(name, paired, truth, has_mag, recording.choices, estimates)
 
 
 def estimate(trial: Trial, filter_: filters.Filter) -> Array:

@@ -86,8 +86,10 @@ def _trial(task: Task, progress: Progress | None) -> Trial:
 
 
 def _remark(trial: Trial) -> str | None:
+    name = trial.name
+    said = [f"{name}: {choice}" for choice in trial.choices]
     if trial.truth is None:
-        return f"{trial.name} has no reference, so its errors are unknown (see --reference)."
-    if not trial.has_mag:
-        return f"{trial.name} has no magnetometer samples: its heading starts at any angle."
-    return None
+        said.append(f"{name} has no reference, so its errors are unknown (see --reference).")
+    elif not trial.has_mag:
+        said.append(f"{name} has no magnetometer samples: its heading starts at any angle.")
+    return " ".join(said) or None

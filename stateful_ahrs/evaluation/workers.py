@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
+import warnings
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from importlib.util import find_spec
@@ -79,7 +80,9 @@ class Workers:
                     progress(self.n_completed_tasks / len(tasks))
 
         try:
-            with joblib.parallel_config(**self._backend):
+            with joblib.parallel_config(**self._backend), warnings.catch_warnings():
+                # of a worker that has grown: another takes its place
+                warnings.filterwarnings("ignore", "A worker stopped while", UserWarning)
                 counted = Counted(n_jobs=self.size, batch_size=1)
                 done: list[Done] = counted(
                     joblib.delayed(_do)(function, task, os.getpid()) for task in tasks

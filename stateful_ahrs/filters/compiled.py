@@ -46,11 +46,16 @@ def _numba() -> ModuleType | None:
     return numba
 
 
+def cold() -> bool:
+    """Whether kernels will have to be compiled, because none was since they last changed."""
+    return _numba() is not None and not any(Path(os.environ["NUMBA_CACHE_DIR"]).iterdir())
+
+
 @functools.cache
 def bind(kernel: Callable[..., Any], **kernels: Callable[..., Any]) -> Callable[..., Any]:
     """A twin of the kernel that calls these where its source says their names."""
     bound = (f"{k.__module__.rpartition('.')[2]}_{k.__qualname__}" for k in kernels.values())
-    return _twin(kernel, kernels, "_of_".join([kernel.__qualname__, *bound]))
+    return twin(kernel, kernels, "_of_".join([kernel.__qualname__, *bound]))
 
 
 @functools.cache
@@ -63,24 +68,30 @@ def compiled(kernel: Callable[..., Any], inline: bool = False) -> Callable[..., 
     numba = _numba()
     if numba is None:
         return kernel
-    called = {
-        name: compiled(value, inline)
+    called = {name: compiled(value, inline) for name, value in kernels_of(kernel).items()}
+    with_compiled = twin(kernel, called, kernel.__qualname__ + "_inline" * inline)
+    # Kernels divide by nothing that can be zero, so numba need not look.
+    jit = numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=inline)
+    return jit(with_compiled)  # type: ignore[no-any-return]
+
+
+def kernels_of(kernel: Callable[..., Any]) -> dict[str, FunctionType]:
+    """The kernels that a kernel calls, by the names they have in it."""
+    return {
+        name: value
         for name in kernel.__code__.co_names
         if isinstance(value := kernel.__globals__.get(name), FunctionType)
         and value.__module__.startswith(PACKAGE + ".")
     }
-    twin = _twin(kernel, called, kernel.__qualname__ + "_inline" * inline)
-    # Kernels divide by nothing that can be zero, so numba need not look.
-    jit = numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=inline)
-    return jit(twin)  # type: ignore[no-any-return]
 
 
-def _twin(kernel: Callable[..., Any], names: dict[str, Any], qualname: str) -> FunctionType:
+def twin(kernel: Callable[..., Any], names: dict[str, Any], qualname: str) -> FunctionType:
+    """The kernel's code, with other things behind some of its names."""
     names = {**kernel.__globals__, **names}
-    twin = FunctionType(kernel.__code__, names, kernel.__name__, kernel.__defaults__)
-    twin.__module__ = kernel.__module__
-    twin.__qualname__ = qualname  # by which numba's cache tells twins apart
-    return twin
+    other = FunctionType(kernel.__code__, names, kernel.__name__, kernel.__defaults__)
+    other.__module__ = kernel.__module__
+    other.__qualname__ = qualname  # by which numba's cache tells twins apart
+    return other
 
 
 def run_steps(step: Callable[..., Any]) -> Callable[..., Any]:

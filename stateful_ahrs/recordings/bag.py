@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import takewhile
 from operator import eq
 from pathlib import Path
@@ -136,6 +136,7 @@ def _read(
         mag_received=mag.received if mag else np.empty(0, np.int64),
         reference_received=truth.received if truth else None,
         left_out=tuple(str(topic) for topic in topics if topic not in roles.values()),
+        choices=tuple(_choices(topics, roles)),
         estimates={
             estimate: (streams[ESTIMATE + estimate].stamps, streams[ESTIMATE + estimate].values)
             for estimate in estimates
@@ -174,6 +175,19 @@ def choose(
         if movement in there:
             roles["movement"] = movement
     return roles
+
+
+def _choices(topics: Mapping[Topic, int], roles: Mapping[str, Topic]) -> Iterator[str]:
+    """What was taken where it was not the only one."""
+    for role, what in (("imu", "Imu"), ("mag", "MagneticField")):
+        taken = roles.get(role)
+        others = [
+            topic.name
+            for topic, count in topics.items()
+            if taken and count and topic.kind == taken.kind and topic not in roles.values()
+        ]
+        if taken and others:
+            yield f"{taken.name} is the {what} topic that is taken, not {' or '.join(others)}."
 
 
 def _orientation(file: str, topics: Mapping[Topic, int], name: str, what: str) -> Topic:

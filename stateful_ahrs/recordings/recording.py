@@ -37,6 +37,7 @@ class Recording:
     mag_received: Stamps | None = None  # (k,) never decreases
     reference_received: Stamps | None = None  # (r,) never decreases
     left_out: tuple[str, ...] = ()  # topics or columns of the source that are not in here
+    choices: tuple[str, ...] = ()  # sentences, where the source had more than one of a kind
     # Orientations that were asked for by topic: stamps (e,) and rotors (e, 4), NaN where unknown.
     estimates: Mapping[str, tuple[Stamps, Array]] = field(default_factory=dict)
 

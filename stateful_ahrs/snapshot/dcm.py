@@ -36,17 +36,20 @@ def dcm(accel: Vector, mag: Vector) -> tuple[bool, Rotor]:
     s = 1.0 / math.sqrt(square)
     cx, cy, cz = s * cx, s * cy, s * cz  # west
     mx, my, mz = cy * az - cz * ay, cz * ax - cx * az, cx * ay - cy * ax  # north
+    return True, from_columns((mx, my, mz), (cx, cy, cz), (ax, ay, az))
 
-    d0 = 1.0 + mx + cy + az  # eq. 7
-    d1 = 1.0 + mx - cy - az
-    d2 = 1.0 - mx + cy - az
-    d3 = 1.0 - mx - cy + az
+
+def from_columns(north: Vector, west: Vector, up: Vector) -> Rotor:
+    """Rotor sensor → earth from the earth's unit vectors in the sensor frame (eq. 6–10)."""
+    (mx, my, mz), (cx, cy, cz), (ax, ay, az) = north, west, up
+    more, less, both, apart = 1.0 + mx, 1.0 - mx, cy + az, cy - az
+    d0, d1, d2, d3 = more + both, more - both, less + apart, less - apart  # eq. 7
     largest = max(d0, d1, d2, d3)
     s = 0.5 / math.sqrt(largest)  # eq. 9, with the columns of eq. 6 and 8
     if largest == d0:
-        return True, (s * d0, s * (ay - cz), s * (mz - ax), s * (cx - my))
+        return (s * d0, s * (ay - cz), s * (mz - ax), s * (cx - my))
     if largest == d1:
-        return True, (s * (ay - cz), s * d1, s * (cx + my), s * (mz + ax))
+        return (s * (ay - cz), s * d1, s * (cx + my), s * (mz + ax))
     if largest == d2:
-        return True, (s * (mz - ax), s * (cx + my), s * d2, s * (ay + cz))
-    return True, (s * (cx - my), s * (mz + ax), s * (ay + cz), s * d3)
+        return (s * (mz - ax), s * (cx + my), s * d2, s * (ay + cz))
+    return (s * (cx - my), s * (mz + ax), s * (ay + cz), s * d3)

@@ -27,8 +27,13 @@ def directions(accel: Vector, mag: Vector) -> tuple[bool, Vector, Vector, float,
     ax, ay, az = s * ax, s * ay, s * az
     s = 1.0 / math.sqrt(field)
     mx, my, mz = s * mx, s * my, s * mz
-    vertical = ax * mx + ay * my + az * mz
-    square = 1.0 - vertical * vertical
-    if not square > PARALLEL * PARALLEL:
+    north, vertical = reference((ax, ay, az), (mx, my, mz))
+    if not north > PARALLEL:
         return False, NONE, NONE, 0.0, 0.0
-    return True, (ax, ay, az), (mx, my, mz), math.sqrt(square), vertical
+    return True, (ax, ay, az), (mx, my, mz), north, vertical
+
+
+def reference(up: Vector, field: Vector) -> tuple[float, float]:
+    """``m_N ≥ 0`` and ``m_D`` of a unit field, given the unit vector that is up."""
+    vertical = up[0] * field[0] + up[1] * field[1] + up[2] * field[2]
+    return math.sqrt(max(0.0, 1.0 - vertical * vertical)), vertical
