@@ -10,8 +10,7 @@ from contextlib import contextmanager
 
 import rclpy
 from rclpy.exceptions import ParameterException
-from rclpy.executors import ExternalShutdownException
-from rclpy.experimental import EventsExecutor
+from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
@@ -71,9 +70,22 @@ def graph() -> Iterator[None]:
         rclpy.try_shutdown()
 
 
+def fastest_executor() -> tuple[Executor, str]:
+    """The executor that costs least in this rclpy, and why it is that one."""
+    try:
+        from rclpy.experimental import EventsExecutor
+    except ImportError:
+        return SingleThreadedExecutor(), (
+            "SingleThreadedExecutor: this rclpy has no EventsExecutor, which takes less than half "
+            "of the CPU."
+        )
+    return EventsExecutor(), "EventsExecutor: of rclpy's the one that costs least."
+
+
 def spin(node: Node) -> None:
     """Run the node's callbacks until ROS shuts down."""
-    executor = EventsExecutor()
+    executor, reason = fastest_executor()
+    node.get_logger().info(f"executor {reason}")
     executor.add_node(node)
     try:
         # EventsExecutor.spin() never calls anything in the PyPI build (its infinite deadline
