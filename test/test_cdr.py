@@ -9,7 +9,7 @@ import struct
 import pytest
 from recorded import START, Bag
 
-from stateful_ahrs.recordings import cdr
+from stateful_ahrs.nodes import cdr
 
 pytest.importorskip("rclpy", reason="ROS 2 is neither sourced nor installed from PyPI")
 

@@ -22,9 +22,9 @@ from ..filters.frames import WorldFrame
 from ..filters.pairing import Pairing
 from ..filters.rest import MovedError, RestWindow
 from ..filters.stamps import StampGate
-from ..recordings.cdr import Inertial
 from ..rotor import Rotor, Vector
 from . import lane, life, messages, qos
+from .cdr import Inertial
 from .diagnostics import ERROR, OK, WARN, Diagnostics, Once, Status
 from .parameters import Parameters, Spec
 

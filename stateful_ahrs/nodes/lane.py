@@ -15,10 +15,9 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import Imu, MagneticField
 from std_msgs.msg import Float64
 
-from ..recordings import cdr
-from ..recordings.cdr import Inertial, Magnetic
 from ..rotor import Rotor, Vector
-from . import messages
+from . import cdr, messages
+from .cdr import Inertial, Magnetic
 from .parameters import Spec
 
 FAST_LANE = Spec("fast_lane", True, "false: messages pass as Python's, at twice the cost")

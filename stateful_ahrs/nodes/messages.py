@@ -10,8 +10,8 @@ from geometry_msgs.msg import Quaternion, Vector3
 from sensor_msgs.msg import Imu
 from std_msgs.msg import Header
 
-from ..recordings.cdr import NONE
 from ..rotor import Rotor, Vector
+from .cdr import NONE
 
 UNKNOWN = [-1.0] + [0.0] * 8  # REP-145: the field is not reported
 
