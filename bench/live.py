@@ -175,24 +175,60 @@ def many(seconds: float) -> dict[str, Any]:
     return found
 
 
-def start_up(rounds: int) -> dict[str, float]:
-    """s from the command to the first message, medians: of the relay's, fusion's and the driver's.
+def driver(seconds: float, rounds: int) -> dict[str, float]:
+    """CPU of the driver at 1 kHz on the simulated chip beside that of the chip alone, and jitter.
 
-    The relay and fusion are sent samples all the time; the driver has its own.
+    Jitter is how far the steps between stamps are from 1 ms.
     """
-    took: dict[str, list[float]] = {"relay": [], "fusion": [], "imu_driver": []}
+    name = "imu_driver"
+    own = node(name, name, rate=1000.0, sim_motion="rest")
+    chip = Process("bench.chip", speaks=True)
+    sink = Process("bench.sink", "imu/data_raw", name, speaks=True)
+    cpu: dict[str, list[float]] = {"driver": [], "chip": []}
+    steps, missed = [], 0
+    with ending(own, chip, sink):
+        end = time.monotonic() + 30.0
+        while not sink.ask(name):
+            assert time.monotonic() < end, "the driver is silent"
+        for _ in range(rounds):
+            own.go()
+            time.sleep(WARM)
+            sink.ask(name)
+            before, begin = own.cpu, time.monotonic()
+            time.sleep(seconds)
+            cpu["driver"].append((own.cpu - before) / (time.monotonic() - begin))
+            stamps = np.array([stamp for _, stamp in sink.ask(name)])
+            own.stop()
+            between = np.diff(stamps) - 1e6
+            steps.append(between[between < 0.5e6])
+            missed += int(np.sum(np.rint(between[between >= 0.5e6] / 1e6)))
+            before = chip.cpu
+            chip.ask(seconds)
+            cpu["chip"].append((chip.cpu - before) / seconds)
+    jitter = np.abs(np.concatenate(steps)) * 1e-3
+    beyond = median(d - c for d, c in zip(cpu["driver"], cpu["chip"], strict=True))
+    return {
+        **{f"{key}_cpu_percent": 100.0 * median(value) for key, value in cpu.items()},
+        "beyond_the_chip_percent": 100.0 * beyond,
+        "jitter_p50_us": float(np.percentile(jitter, 50)),
+        "jitter_p99_us": float(np.percentile(jitter, 99)),
+        "samples": sum(len(part) for part in steps),
+        "missed": missed,
+    }
+
+
+def start_up(rounds: int) -> dict[str, float]:
+    """s from the command until the node is made and takes samples, medians.
+
+    The middleware then needs time to find the others, which is not counted.
+    """
+    modules = {"relay": "bench.relay", "fusion": "", "imu_driver": ""}
+    took: dict[str, list[float]] = {name: [] for name in modules}
     for _ in range(rounds):
-        for name, own in took.items():
-            topic = "imu/data_raw" if name == "imu_driver" else "imu/data"
-            source = Process("bench.source", name if topic == "imu/data" else "none", speaks=True)
-            sink = Process("bench.sink", topic, name, speaks=True)
+        for name, module in modules.items():
             begin = time.monotonic()
-            started = node(name, name, "bench.relay" if name == "relay" else "")
-            with ending(started, source, sink):
-                while not sink.ask(name) and time.monotonic() - begin < 20.0:
-                    if topic == "imu/data":
-                        source.ask({"to": [name], "rate": 200, "seconds": 0.01})
-                    else:
-                        time.sleep(0.01)
-                own.append(time.monotonic() - begin)
+            process = node(name, name, module)
+            with ending(process):
+                process.await_word("executor")
+                took[name].append(time.monotonic() - begin)
     return {name: median(own) for name, own in took.items()}

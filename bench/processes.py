@@ -7,29 +7,35 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
-PATIENCE = 20.0  # s
-
 
 class Process:
     """A module run by this interpreter, with pipes if ``speaks``."""
 
     def __init__(self, module: str, *arguments: str, speaks: bool = False) -> None:
+        self._log = tempfile.TemporaryFile("w+")  # noqa: SIM115 (the process has it)
         pipe = subprocess.PIPE if speaks else subprocess.DEVNULL
         self._process = subprocess.Popen(
             [sys.executable, "-m", module, *arguments],
             stdin=pipe,
             stdout=pipe,
-            stderr=subprocess.DEVNULL,
+            stderr=self._log,
             text=True,
         )
         if speaks:
             self._line()
+
+    def await_word(self, word: str) -> None:
+        """Wait until it has logged a line with the word."""
+        while word not in os.pread(self._log.fileno(), 1 << 16, 0).decode():
+            assert self._process.poll() is None, f"{self._process.args} ended"
+            time.sleep(0.002)
 
     def ask(self, question: object) -> Any:
         """Write a line, as JSON if it is no string; the answer."""
@@ -102,8 +108,3 @@ def node(name: str, namespace: str, module: str = "", **parameters: object) -> P
     for key, value in parameters.items():
         arguments += ["-p", f"{key}:={str(value).lower() if isinstance(value, bool) else value}"]
     return Process(module or f"stateful_ahrs.nodes.{name}", *arguments)
-
-
-def wait(seconds: float) -> None:
-    """Let time pass."""
-    time.sleep(seconds)
