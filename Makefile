@@ -1,15 +1,17 @@
-# demo, test and lint first set up what they need in VENV: the package, editable, with its extras.
+# demo, test, bench and lint first set up what they need in VENV: the package, editable, with its extras.
 # Where ROS 2 Jazzy is sourced they use its rclpy, elsewhere the wheels from PyPI.
 
 VENV        ?= .venv
 PYTHONS     ?= python3.12 python3.13 python3.11 python3.10 python3.14 python3
 DURATION    ?= 20
+MINUTES     ?= 10
+QUICK       ?=
 BAG         ?=
 CONSTRAINTS ?=
 
 comma   := ,
 ROS     := $(or $(ROS_DISTRO),pypi)
-EXTRAS  := bags,fast,plot,parallel,cluster,i2c,serial,calibration,test,lint$(if $(ROS_DISTRO),,$(comma)jazzy)
+EXTRAS  := bags,fast,plot,parallel,cluster,i2c,serial,calibration,bench,test,lint$(if $(ROS_DISTRO),,$(comma)jazzy)
 CREATED := $(VENV)/.created-for-$(ROS)
 READY   := $(VENV)/.ready-for-$(ROS)
 RUN     := $(VENV)/bin/python
@@ -22,7 +24,7 @@ NAMES    = $(shell sed -n 's/.*"\([a-z_]*\) = stateful_ahrs\..*/\1/p' setup.py)
 export BAG
 export AMENT_PREFIX_PATH := $(abspath $(VENV))$(addprefix :,$(AMENT_PREFIX_PATH))
 
-.PHONY: setup demo test test-ubuntu lint clean
+.PHONY: setup demo test test-ubuntu bench lint clean
 
 setup: $(READY)
 
@@ -36,6 +38,10 @@ test: $(READY)
 test-ubuntu:
 	@$(MAKE) test VENV=.venv-ubuntu CONSTRAINTS=test/constraints-ubuntu-24.04.txt \
 	    PYTHONS='python3.12 python3.11 python3.10 python3'
+
+# What everything costs, in fifteen minutes; QUICK=1: in three. Needs a machine that does nothing else.
+bench: $(READY)
+	@$(RUN) -m bench --json bench.json --minutes $(MINUTES) $(if $(QUICK),--quick)
 
 lint: $(READY)
 	@$(RUN) -m ruff check

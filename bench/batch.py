@@ -44,9 +44,7 @@ def tumbling(count: int = SAMPLES) -> Samples:
         rotor = unit(product(rotor, from_rate(rate, 1.0 / RATE)))
     noise = random.normal(size=(3, count, 3))
     stamps = 10**18 + np.rint(t * 1e9).astype(np.int64)
-    return Samples(
-        stamps, gyro + 0.002 * noise[0], accel + 0.08 * noise[1], mag + 6e-7 * noise[2]
-    )
+    return Samples(stamps, gyro + 0.002 * noise[0], accel + 0.08 * noise[1], mag + 6e-7 * noise[2])
 
 
 def measure(quick: bool, seconds: float) -> dict[str, Any]:
@@ -117,8 +115,9 @@ def peers(samples: Samples) -> dict[str, tuple[int, Callable[[], object]]]:
 
     def fusion() -> None:
         filter_ = imufusion.Ahrs()
+        filter_.set_sample_period(1.0 / RATE)
         for i in range(SHORT):
-            filter_.update(degrees[i], g[i], microtesla[i], 1.0 / RATE)
+            filter_.update(degrees[i], g[i], microtesla[i])
 
     def of_ahrs(kind: Any) -> Callable[[], object]:
         return lambda: kind(gyr=few.gyro, acc=few.accel, mag=few.mag * 1e3, frequency=RATE)
@@ -158,4 +157,3 @@ def c_filter(samples: Samples, normalise: int, average_start: int) -> Callable[[
 
     call.arrays = arrays  # type: ignore[attr-defined]  # kept alive
     return call
-

@@ -77,7 +77,7 @@ void run(long n, double alpha, double alpha_rate, int normalise, int average_sta
     const rotor identity = {1.0, 0.0, 0.0, 0.0};
     rotor state = identity;
     vector field = {1.0, 0.0, 0.0};
-    double mag_age = INFINITY, elapsed = 0.0;
+    double mag_age = INFINITY, elapsed = 0.0, paced = -1.0, pace = alpha;
     int started = 0, heading_known = 0;
     for (long i = 0; i < n; i++, gyro += 3, accel += 3, mag += 3, rotors += 4) {
         double dt = steps[i];
@@ -120,7 +120,8 @@ void run(long n, double alpha, double alpha_rate, int normalise, int average_sta
             now = snapshot;
             if (starts) elapsed = 0.0;
         } else if (found) {
-            double weight = alpha_rate > 0.0 ? pow(alpha, dt * alpha_rate) : alpha;
+            if (alpha_rate > 0.0 && dt != paced) paced = dt, pace = pow(alpha, dt * alpha_rate);
+            double weight = pace;
             if (average_start && elapsed < 1.0) weight = fmin(weight, elapsed / (elapsed + dt));
             double rest = 1.0 - weight;
             now = (rotor){weight * predicted.w + rest * snapshot.w,

@@ -150,28 +150,27 @@ def many(seconds: float) -> dict[str, Any]:
     """CPU of so many nodes together, each with an IMU of its own."""
     most = max(MANY)
     relays = {f"relay{i}": node("relay", f"relay{i}", "bench.relay") for i in range(most)}
-    fusions = {
-        f"fusion{i}": node("fusion", f"fusion{i}", filter=FILTER) for i in range(most)
-    }
+    fusions = {f"fusion{i}": node("fusion", f"fusion{i}", filter=FILTER) for i in range(most)}
     rig = Rig(**relays, **fusions)
     found = {}
     with ending(*rig.processes):
         rig.warm_up()
         for count in MANY:
-            row = {}
+            cpu: dict[str, list[float]] = {"relay": [], "fusion": []}
+            lost = 0
             for kind in ("relay", "fusion", "fusion", "relay"):
                 names = [f"{kind}{i}" for i in range(count)]
                 before = sum(rig.nodes[name].cpu for name in names)
                 sent = rig.send(names, MANY_RATE, seconds)
-                cpu = sum(rig.nodes[name].cpu for name in names) - before
-                lost = sum(sent - len(rig.heard(name)) for name in names)
-                row.setdefault(kind, []).append(100.0 * cpu / seconds)
-                row[f"{kind}_lost"] = row.get(f"{kind}_lost", 0) + lost
+                cpu[kind].append(sum(rig.nodes[name].cpu for name in names) - before)
+                lost += sum(sent - len(rig.heard(name)) for name in names)
+            relay, fusion = (100.0 * sum(own) / (2.0 * seconds) for own in cpu.values())
             found[str(count)] = {
-                key: median(value) if isinstance(value, list) else value
-                for key, value in row.items()
+                "relay_cpu_percent": relay,
+                "fusion_cpu_percent": fusion,
+                "cpu_ratio": fusion / relay,
+                "lost": lost,
             }
-            found[str(count)]["cpu_ratio"] = found[str(count)]["fusion"] / found[str(count)]["relay"]
     return found
 
 

@@ -52,7 +52,10 @@ def main() -> None:
             taken = heard[line.strip()][:]
             del heard[line.strip()][: len(taken)]
             rows = [
-                (arrival - int(SENT.unpack_from(data, len(data) - BEHIND)[0]), cdr.inertial(data)[0])
+                (
+                    arrival - int(SENT.unpack_from(data, len(data) - BEHIND)[0]),
+                    cdr.inertial(data)[0],
+                )
                 for arrival, data in taken
             ]
             print(json.dumps(rows), flush=True)

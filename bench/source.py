@@ -67,9 +67,7 @@ class Source(Node):
                     self._mag[n](cdr.magnetic_field(stamp, frame, mag, zeros))
                 sent = zeros[8:] + cdr.NUMBER.pack(b"", float(time.monotonic_ns()))[4:]
                 self._imu[n](
-                    cdr.imu(
-                        stamp, frame, (1.0, 0.0, 0.0, 0.0), unknown, gyro, sent, accel, zeros
-                    )
+                    cdr.imu(stamp, frame, (1.0, 0.0, 0.0, 0.0), unknown, gyro, sent, accel, zeros)
                 )
         return count
 
