@@ -9,11 +9,9 @@ names, so that one step serves a family of filters.
 from __future__ import annotations
 
 import functools
-import hashlib
 import importlib.util
 import math
 import os
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from types import FunctionType, ModuleType
@@ -30,6 +28,9 @@ def _numba() -> ModuleType | None:
     """
     if importlib.util.find_spec("numba") is None:
         return None
+    import hashlib  # not above: nodes, which compile nothing, would wait for them at every start
+    import tempfile
+
     package = Path(__file__).parents[1]
     rooms = (package / "snapshot", package / "filters")
     sources = [package / "rotor.py", *sorted(path for room in rooms for path in room.glob("*.py"))]

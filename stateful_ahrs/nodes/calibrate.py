@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 import rclpy
 from rcl_interfaces.srv import GetParameters
-from rclpy.executors import ExternalShutdownException
-from rclpy.experimental import EventsExecutor
+from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.node import Node
 from sensor_msgs.msg import Imu, MagneticField, Temperature
 
@@ -34,7 +33,7 @@ from ..recordings.progress import bar
 from ..recordings.temperature import temperature
 from . import messages, qos
 from .calibrate_view import View, described, result
-from .life import graph, one_line, own_arguments
+from .life import fastest_executor, graph, one_line, own_arguments
 
 LOOK = 0.5  # s between two looks at what there is
 NAP = 0.05  # s
@@ -124,8 +123,8 @@ class Listener(Node):
 
     def _on_mag(self, msg: MagneticField) -> None:
         self._took(msg)
-        reported = msg.magnetic_field_covariance[0] != -1.0
-        self.data.mag.extend(messages.vector(msg.magnetic_field) if reported else messages.NONE)
+        mag, _ = messages.reported(msg.magnetic_field, msg.magnetic_field_covariance)
+        self.data.mag.extend(mag)
 
     def _on_temperature(self, msg: Temperature) -> None:
         self.data.temperatures.append(msg.temperature)
@@ -171,7 +170,7 @@ def listened(job: argparse.Namespace) -> Data:
     data = Data()
     with graph():
         listener = Listener(job, data)
-        executor = EventsExecutor()
+        executor, _ = fastest_executor()
         executor.add_node(listener)
         try:
             _await_first(listener, executor)
@@ -184,13 +183,13 @@ def listened(job: argparse.Namespace) -> Data:
     return data
 
 
-def _spin(executor: EventsExecutor) -> None:
+def _spin(executor: Executor) -> None:
     """Take what has come; return soon."""
     with suppress(ExternalShutdownException):
         executor.spin_once(timeout_sec=NAP)
 
 
-def _await_first(listener: Listener, executor: EventsExecutor) -> None:
+def _await_first(listener: Listener, executor: Executor) -> None:
     """Wait for a sample; `CalibrationError` if there is none."""
     end = time.monotonic() + FIRST
     publishers = 0
@@ -204,7 +203,7 @@ def _await_first(listener: Listener, executor: EventsExecutor) -> None:
         _spin(executor)
 
 
-def _publishers(listener: Listener, executor: EventsExecutor, end: float) -> list[str]:
+def _publishers(listener: Listener, executor: Executor, end: float) -> list[str]:
     """Full names of the nodes that publish the topic, as soon as they are known."""
     while rclpy.ok():
         infos = listener.get_publishers_info_by_topic(listener.topic)
@@ -217,7 +216,7 @@ def _publishers(listener: Listener, executor: EventsExecutor, end: float) -> lis
     return []
 
 
-def _refuse_calibrated(listener: Listener, executor: EventsExecutor) -> None:
+def _refuse_calibrated(listener: Listener, executor: Executor) -> None:
     """Raise `CalibrationError` if a node that publishes says that it applies a calibration."""
     end = time.monotonic() + ANSWER
     for name in _publishers(listener, executor, end):
@@ -237,9 +236,7 @@ def _refuse_calibrated(listener: Listener, executor: EventsExecutor) -> None:
             )
 
 
-def _collect(
-    job: argparse.Namespace, listener: Listener, executor: EventsExecutor, view: View
-) -> None:
+def _collect(job: argparse.Namespace, listener: Listener, executor: Executor, view: View) -> None:
     """Return when the samples are enough, none come any more, or the user has had enough."""
     begin = time.monotonic()
     look = begin + LOOK

@@ -23,10 +23,12 @@ from ..filters.pairing import Pairing
 from ..filters.rest import MovedError, RestWindow
 from ..filters.stamps import StampGate
 from ..rotor import Rotor, Vector
-from . import life, messages, qos
+from . import lane, life, messages, qos
+from .cdr import Inertial
 from .diagnostics import ERROR, OK, WARN, Diagnostics, Once, Status
 from .parameters import Parameters, Spec
 
+ZERO: Vector = (0.0, 0.0, 0.0)
 NO_NORTH = math.pi  # rad: the standard deviation of a yaw that no magnetometer has told
 REPORTED = len(fields(filters.Report))  # what follows in a report is the filter's own
 SILENT = 1.0  # s without a sample before /diagnostics says so
@@ -59,6 +61,7 @@ PARAMETERS = [
     Spec("world_frame", "enu", "enu, nwu or ned: axes of the frame that orientation is given in"),
     Spec("magnetic_declination", 0.0, "rad, from true to magnetic north, east positive"),
     Spec("orientation_stddev", 0.03, "rad, for the covariance of the orientation", live=True),
+    lane.FAST_LANE,
     Spec("publish_tf", False, "broadcast the orientation on /tf (needs tf2_ros)"),
     Spec("tf_parent", "map", "parent frame of that transform"),
 ]
@@ -71,6 +74,8 @@ class Fusion(Node):
         super().__init__("fusion")
         self._chosen = Parameters(self, PARAMETERS, accept=self._settings, apply=self._apply)
         values = self._chosen.values
+        self._lane = lane.choose(values["fast_lane"])
+        self._unknown = self._lane.covariance(messages.UNKNOWN)
         self._world = WorldFrame(values["world_frame"], values["magnetic_declination"])
         self._filter = filters.make(values["filter"], self._settings(values))
         self._apply(values)
@@ -78,7 +83,7 @@ class Fusion(Node):
         self._pairing = Pairing()
         self._rest = RestWindow()
         self._turn = rotor.Turn()
-        self._bias: Vector = (0.0, 0.0, 0.0)
+        self._bias = ZERO
         self._orientation: Rotor = rotor.IDENTITY
         self._once = Once(self)
         self._imu_count = self._mag_count = 0
@@ -92,8 +97,8 @@ class Fusion(Node):
         self._angle_out = qos.advertise(self, Float64, "imu/angle")
         self._rpy_out = qos.advertise(self, Vector3Stamped, "imu/rpy")
         self._broadcaster = self._transform_broadcaster() if values["publish_tf"] else None
-        self._mag_in = qos.subscribe(self, MagneticField, "imu/mag", self._on_mag, self._on_lost)
-        self._imu_in = qos.subscribe(self, Imu, "imu/data_raw", self._on_imu, self._on_lost)
+        self._mag_in = self._subscribe(MagneticField, "imu/mag", self._on_mag)
+        self._imu_in = self._subscribe(Imu, "imu/data_raw", self._on_imu)
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_service(Trigger, "~/calibrate_gyro", self._on_calibrate_gyro)
         self._jump_handle = self.get_clock().create_jump_callback(
@@ -131,16 +136,22 @@ class Fusion(Node):
     def _apply(self, values: dict[str, Any]) -> None:
         """Take new values from the next sample on."""
         self._filter.settings = self._settings(values)
-        variance = values["orientation_stddev"] ** 2
-        self._covariance = messages.diagonal(variance)
-        self._covariance_without_north = [*self._covariance[:8], NO_NORTH**2]
+        covariance = messages.diagonal(values["orientation_stddev"] ** 2)
+        self._covariance = self._lane.covariance(covariance)
+        self._covariance_without_north = self._lane.covariance([*covariance[:8], NO_NORTH**2])
 
     # Samples in
 
-    def _on_imu(self, msg: Imu) -> None:
+    def _subscribe(self, kind: type, topic: str, callback: Any) -> Any:
+        return qos.subscribe(self, kind, topic, callback, self._on_lost, raw=self._lane.raw)
+
+    def _on_imu(self, message: Any) -> None:
         self._imu_count += 1
         self._imu_arrival = time.monotonic()
-        stamp = messages.nanoseconds(msg.header.stamp)
+        sample = self._lane.inertial(message)
+        if sample is None:
+            return
+        stamp = sample.stamp
         dt = self._gate.step(stamp, self._now() if stamp == 0 else 0)
         if self._gate.news:
             self._once.warn(*self._gate.news)
@@ -149,23 +160,29 @@ class Fusion(Node):
         stamp = self._gate.last
         if dt == 0.0:
             self._pairing.restart(stamp)
-        gyro, accel = messages.rates_and_force(msg)
-        self._rest.add(gyro, dt)
-        gyro = rotor.minus(gyro, self._bias)
+        self._rest.add(sample.gyro, dt)
+        gyro = rotor.minus(sample.gyro, self._bias)
         mag = self._pairing.take(stamp)
         if mag is not None:
             self._filter.update_mag(mag)
-        attitude = self._filter.update_imu(gyro, accel, dt)
-        self._publish(msg, stamp, attitude, gyro, accel)
+        attitude = self._filter.update_imu(gyro, sample.accel, dt)
+        if self._filter.started:
+            self._orientation = self._world.update(attitude)
+        if self._imu_out.wanted:
+            self._publish(sample, stamp, gyro)
+        if self._filter.started:
+            self._publish_derived(sample, stamp)
 
-    def _on_mag(self, msg: MagneticField) -> None:
+    def _on_mag(self, message: Any) -> None:
         self._mag_count += 1
         self._mag_arrival = time.monotonic()
-        mag = messages.vector(msg.magnetic_field)
+        sample = self._lane.magnetic(message)
+        if sample is None:
+            return
+        stamp, mag = sample
         if not messages.finite(mag):
             self._mag_empty += 1
             return
-        stamp = messages.nanoseconds(msg.header.stamp)
         if stamp == 0:
             self._mag_unstamped += 1
             stamp = self._gate.last + 1  # it belongs to the next inertial sample
@@ -187,49 +204,49 @@ class Fusion(Node):
 
     # Orientation out
 
-    def _publish(self, msg: Imu, stamp: int, attitude: Rotor, gyro: Vector, accel: Vector) -> None:
-        out = Imu(header=msg.header)
-        out.header.stamp = messages.time(stamp)
-        if self._filter.started:
-            self._orientation = self._world.update(attitude)
-            out.orientation = messages.quaternion_message(self._orientation)
-            out.orientation_covariance = (
-                self._covariance if self._filter.heading_known else self._covariance_without_north
+    def _publish(self, sample: Inertial, stamp: int, gyro: Vector) -> None:
+        """Publish imu/data: the sample, its rates less the bias, with the orientation."""
+        covariance = self._unknown
+        if self._filter.heading_known:
+            covariance = self._covariance
+        elif self._filter.started:
+            covariance = self._covariance_without_north
+        accel = sample.accel
+        gyro_covariance, accel_covariance = sample.gyro_covariance, sample.accel_covariance
+        if not messages.finite(gyro):
+            gyro, gyro_covariance = ZERO, self._unknown
+        if not messages.finite(accel):
+            accel, accel_covariance = ZERO, self._unknown
+        self._imu_out.publish(
+            self._lane.imu(
+                stamp,
+                sample.frame,
+                self._orientation if self._filter.started else rotor.IDENTITY,
+                covariance,
+                gyro,
+                gyro_covariance,
+                accel,
+                accel_covariance,
             )
-        else:
-            out.orientation_covariance = messages.UNKNOWN
-        out.angular_velocity_covariance = msg.angular_velocity_covariance
-        if messages.finite(gyro):
-            out.angular_velocity = messages.vector_message(gyro)
-        else:
-            out.angular_velocity_covariance = messages.UNKNOWN
-        out.linear_acceleration_covariance = msg.linear_acceleration_covariance
-        if messages.finite(accel):
-            out.linear_acceleration = messages.vector_message(accel)
-        else:
-            out.linear_acceleration_covariance = messages.UNKNOWN
-        self._imu_out.publish(out)
-        if self._filter.started:
-            self._publish_derived(out)
+        )
 
-    def _publish_derived(self, out: Imu) -> None:
+    def _publish_derived(self, sample: Inertial, stamp: int) -> None:
         """Publish what is computed from the orientation only while someone listens."""
-        orientation = self._orientation
-        axis_wanted = self._axis_out.get_subscription_count() > 0
-        angle_wanted = self._angle_out.get_subscription_count() > 0
-        self._turn.update(orientation, coarse=not (axis_wanted or angle_wanted))
+        axis_wanted, angle_wanted = self._axis_out.wanted, self._angle_out.wanted
+        self._turn.update(self._orientation, coarse=not (axis_wanted or angle_wanted))
         if axis_wanted:
-            axis = messages.vector_message(self._turn.axis)
-            self._axis_out.publish(Vector3Stamped(header=out.header, vector=axis))
+            self._axis_out.publish(self._lane.vector(stamp, sample.frame, self._turn.axis))
         if angle_wanted:
-            self._angle_out.publish(Float64(data=self._turn.angle))
-        if self._rpy_out.get_subscription_count() > 0:
-            rpy = messages.vector_message(rotor.euler(orientation))
-            self._rpy_out.publish(Vector3Stamped(header=out.header, vector=rpy))
+            self._angle_out.publish(self._lane.number(self._turn.angle))
+        if self._rpy_out.wanted:
+            rpy = rotor.euler(self._orientation)
+            self._rpy_out.publish(self._lane.vector(stamp, sample.frame, rpy))
         if self._broadcaster is not None:
-            transform = TransformStamped(header=out.header, child_frame_id=out.header.frame_id)
-            transform.header.frame_id = self._chosen["tf_parent"]
-            transform.transform.rotation = out.orientation
+            transform = TransformStamped(
+                header=messages.header(stamp, self._chosen["tf_parent"]),
+                child_frame_id=self._lane.name(sample.frame),
+            )
+            transform.transform.rotation = messages.quaternion_message(self._orientation)
             self._broadcaster.sendTransform(transform)
 
     def _transform_broadcaster(self) -> Any:
@@ -295,6 +312,8 @@ class Fusion(Node):
             "mag_superseded": self._pairing.superseded,
             "mag_late": self._pairing.late,
             "lost_in_transport": self._lost,
+            "malformed": self._lane.malformed,
+            "left_the_fast_lane": self._lane.slow,
             **{f"stamps_{name}": count for name, count in asdict(self._gate.counts).items()},
         }
         samples = self._imu_count - self._imu_count_before

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import signal
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +35,7 @@ class Sensor:
     """Publishes samples by hand."""
 
     def __init__(self, graph: Graph, field=NORTH) -> None:
-        self._imu = graph.speak(Imu, "imu/data_raw")
+        self.imu = graph.speak(Imu, "imu/data_raw")
         self.fields = graph.speak(MagneticField, "imu/mag") if field else None
         self._field = field
         self.heard = graph.hear(Imu, "imu/data")
@@ -61,7 +62,7 @@ class Sensor:
         if mag is not None and mag_first:
             field.magnetic_field.x, field.magnetic_field.y, field.magnetic_field.z = mag
             self.fields.publish(field)
-        self._imu.publish(imu)
+        self.imu.publish(imu)
         if mag is not None and not mag_first:
             field.magnetic_field.x, field.magnetic_field.y, field.magnetic_field.z = mag
             self.fields.publish(field)
@@ -84,6 +85,9 @@ def ticks(count, start=START):
 def sensor(graph):
     graph.start("fusion")
     return Sensor(graph)
+
+
+both_lanes = pytest.mark.parametrize("fast", [True, False], ids=["bytes", "messages"])
 
 
 def counts(graph, **expected):
@@ -111,12 +115,14 @@ def test_the_stateless_filter_fails_where_the_scenario_shows_the_stateful_one_fo
     assert errors_deg(orientations, truth, WorldFrame("nwu")).max() > 90.0
 
 
-@pytest.mark.parametrize("name", ["stateful", "paper", "learning"])
-def test_live_and_offline_are_the_same(graph, name):
+@pytest.mark.parametrize(
+    ("name", "fast"), [("stateful", True), ("paper", False), ("learning", True)]
+)
+def test_live_and_offline_are_the_same(graph, name, fast):
     recording = load(BAGS / "turns")
     offline = WorldFrame("enu").all(filters.make(name, settings("enu")).run(samples(recording)))
     orientations = graph.hear(Imu, "imu/data")
-    graph.start("fusion", filter=name)
+    graph.start("fusion", filter=name, fast_lane=fast)
     graph.until_published("imu/data")
     assert (
         graph.start("bag_player", str(BAGS / "turns"), "--wait", "20", "--rate", "8").wait(30.0)
@@ -326,10 +332,31 @@ def test_garbage_in_no_garbage_out(graph, sensor):
     assert int(values["mag_rejected"]) + int(values["mag_empty"]) == 15
 
 
-def test_a_field_that_is_not_a_number_is_published_as_not_reported(sensor):
-    answer = sensor.send_all([START], gyro=(math.nan, 0.0, 0.0), accel=(0.0, math.inf, 9.8))
+@both_lanes
+def test_a_field_that_is_not_a_number_is_published_as_not_reported(graph, fast):
+    graph.start("fusion", fast_lane=fast)
+    answer = Sensor(graph).send_all([START], gyro=(math.nan, 0.0, 0.0), accel=(0.0, math.inf, 9.8))
     assert answer.angular_velocity_covariance[0] == -1.0
     assert answer.linear_acceleration_covariance[0] == -1.0
+
+
+def big_endian(stamp, accel):
+    """An Imu in the frame `base`."""
+    doubles = [0.0] * 37
+    doubles[25:28] = accel
+    head = struct.pack(">4siII", bytes(4), *divmod(stamp, SECOND), 5)
+    return head + b"base\0".ljust(12, b"\0") + struct.pack(">37d", *doubles)
+
+
+def test_a_message_in_another_encoding_is_answered_and_one_that_is_none_is_counted(graph, sensor):
+    level = rotor_of(sensor.send_all(ticks(1)).orientation)
+    for message in (b"\x00\x01", big_endian(START + PERIOD, LEVEL)):
+        sensor.imu.publish(message)
+    until(lambda: len(sensor.heard) == 2, "the answer")
+    assert sensor.heard[1].header.frame_id == "base"
+    assert nanoseconds(sensor.heard[1]) == START + PERIOD
+    assert difference(rotor_of(sensor.heard[1].orientation), level) < 0.01
+    counts(graph, left_the_fast_lane=1, malformed=1)
 
 
 def test_before_the_first_usable_sample_the_orientation_is_not_reported(graph):
@@ -415,8 +442,9 @@ def test_live_parameters_take_effect_with_the_next_sample(graph, sensor):
     assert answer.orientation_covariance[0] == pytest.approx(0.04)
 
 
-def test_axis_angle_and_euler_angles_follow_the_orientation(graph):
-    graph.start("fusion", world_frame="nwu")
+@both_lanes
+def test_axis_angle_and_euler_angles_follow_the_orientation(graph, fast):
+    graph.start("fusion", world_frame="nwu", fast_lane=fast)
     sensor = Sensor(graph)
     derived = [
         graph.hear(Vector3Stamped, "imu/axis"),
