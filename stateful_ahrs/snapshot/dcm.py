@@ -27,22 +27,22 @@ def dcm(accel: Vector, mag: Vector) -> tuple[bool, Rotor]:
     field = mx * mx + my * my + mz * mz
     if not (1e-24 < square < 1e24 and 1e-24 < field < 1e24):
         return False, IDENTITY
-    s = 1.0 / math.sqrt(square)
-    ax, ay, az = s * ax, s * ay, s * az  # up; these three are the columns of eq. 5
     cx, cy, cz = ay * mz - az * my, az * mx - ax * mz, ax * my - ay * mx
-    square = cx * cx + cy * cy + cz * cz
-    if not square > PARALLEL * PARALLEL * field:
+    across = cx * cx + cy * cy + cz * cz
+    if not across > PARALLEL * PARALLEL * square * field:
         return False, IDENTITY
-    s = 1.0 / math.sqrt(square)
-    cx, cy, cz = s * cx, s * cy, s * cz  # west
+    a, c = math.sqrt(square), math.sqrt(across)
+    one = a * c  # in units of which the three columns of eq. 5 are of length one
     mx, my, mz = cy * az - cz * ay, cz * ax - cx * az, cx * ay - cy * ax  # north
+    cx, cy, cz = a * cx, a * cy, a * cz  # west
+    ax, ay, az = c * ax, c * ay, c * az  # up
 
-    d0 = 1.0 + mx + cy + az  # eq. 7
-    d1 = 1.0 + mx - cy - az
-    d2 = 1.0 - mx + cy - az
-    d3 = 1.0 - mx - cy + az
+    d0 = one + mx + cy + az  # eq. 7
+    d1 = one + mx - cy - az
+    d2 = one - mx + cy - az
+    d3 = one - mx - cy + az
     largest = max(d0, d1, d2, d3)
-    s = 0.5 / math.sqrt(largest)  # eq. 9, with the columns of eq. 6 and 8
+    s = 0.5 / math.sqrt(largest * one)  # eq. 9, with the columns of eq. 6 and 8
     if largest == d0:
         return True, (s * d0, s * (ay - cz), s * (mz - ax), s * (cx - my))
     if largest == d1:
