@@ -11,7 +11,7 @@ import numpy as np
 
 from .processes import Process, ending, node
 
-FILTER = "learning"  # of fusion: the default, and the most accurate
+FILTER = "stateful"  # of fusion: the default, and the most accurate
 RATES = (100, 400, 1000, 4000)  # Hz
 STEPS = (5000, 6000, 8000, 10_000, 12_500, 15_000, 20_000)  # Hz, until samples are lost
 DRAIN = 0.3  # s after a window, for what is under way

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import sys
 import time
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
+from pathlib import Path
 from typing import Any
 
 from geometry_msgs.msg import TransformStamped, Vector3Stamped
@@ -17,11 +18,13 @@ from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
 from .. import filters, rotor
-from ..errors import UsageError
+from ..errors import AhrsError, UsageError
 from ..filters.frames import WorldFrame
 from ..filters.pairing import Pairing
 from ..filters.rest import MovedError, RestWindow
+from ..filters.settings import NOTHING, Known
 from ..filters.stamps import StampGate
+from ..mpu9250 import calibration_file
 from ..rotor import Rotor, Vector
 from . import lane, life, messages, qos
 from .cdr import Inertial
@@ -30,6 +33,7 @@ from .parameters import Parameters, Spec
 
 ZERO: Vector = (0.0, 0.0, 0.0)
 NO_NORTH = math.pi  # rad: the standard deviation of a yaw that no magnetometer has told
+USUAL_STDDEV = 0.03  # rad: of a filter that has no word on it
 REPORTED = len(fields(filters.Report))  # what follows in a report is the filter's own
 SILENT = 1.0  # s without a sample before /diagnostics says so
 
@@ -50,21 +54,53 @@ PARAMETERS = [
         limits=(0.0, 1e6),
     ),
     Spec(
+        "alpha_heading",
+        -1.0,
+        "the same for heading; negative: as fast as the filter finds right, or as alpha",
+        live=True,
+        limits=(-1.0, 1.0),
+    ),
+    Spec(
         "stateful",
         True,
         "false: snapshots keep their own sign, the paper's failing baseline",
         live=True,
     ),
     Spec("use_mag", True, "false: heading follows the gyroscope", live=True),
-    Spec("learn_misalignment", True, "filter learning: false keeps what is known", live=True),
-    Spec("learn_mag", True, "its magnetometer's delay and hard iron, likewise", live=True),
+    Spec("low_pass", True, "of the acceleration, where gravity stands still", live=True),
+    Spec("learn_bias", True, "of the gyroscope; false keeps what is known", live=True),
+    Spec("learn_misalignment", True, "of the gyroscope's axes, likewise", live=True),
+    Spec("learn_mag", True, "the magnetometer's delay and hard iron, likewise", live=True),
+    Spec("weigh_mag", True, "trust a changed magnetic field the less", live=True),
+    Spec("normalise", True, "the rotor after each blend", live=True),
+    Spec("average_start", True, "begin with a mean of all samples", live=True),
+    Spec("calibration_file", "", "YAML with what was learned; ~/save_calibration writes it"),
     Spec("world_frame", "enu", "enu, nwu or ned: axes of the frame that orientation is given in"),
     Spec("magnetic_declination", 0.0, "rad, from true to magnetic north, east positive"),
-    Spec("orientation_stddev", 0.03, "rad, for the covariance of the orientation", live=True),
+    Spec(
+        "orientation_stddev",
+        -1.0,
+        "rad, for the covariance of the orientation; negative: the filter's own",
+        live=True,
+    ),
     lane.FAST_LANE,
     Spec("publish_tf", False, "broadcast the orientation on /tf (needs tf2_ros)"),
     Spec("tf_parent", "map", "parent frame of that transform"),
 ]
+
+
+SWITCHES = (
+    "alpha_heading",
+    "stateful",
+    "use_mag",
+    "low_pass",
+    "learn_bias",
+    "learn_misalignment",
+    "learn_mag",
+    "weigh_mag",
+    "normalise",
+    "average_start",
+)  # parameters that are settings as they are
 
 
 class Fusion(Node):
@@ -72,11 +108,13 @@ class Fusion(Node):
 
     def __init__(self) -> None:
         super().__init__("fusion")
+        self._known = NOTHING
         self._chosen = Parameters(self, PARAMETERS, accept=self._settings, apply=self._apply)
         values = self._chosen.values
         self._lane = lane.choose(values["fast_lane"])
         self._unknown = self._lane.covariance(messages.UNKNOWN)
         self._world = WorldFrame(values["world_frame"], values["magnetic_declination"])
+        self._known = self._load(values["calibration_file"])
         self._filter = filters.make(values["filter"], self._settings(values))
         self._apply(values)
         self._gate = StampGate()
@@ -101,6 +139,7 @@ class Fusion(Node):
         self._imu_in = self._subscribe(Imu, "imu/data_raw", self._on_imu)
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_service(Trigger, "~/calibrate_gyro", self._on_calibrate_gyro)
+        self.create_service(Trigger, "~/save_calibration", self._on_save_calibration)
         self._jump_handle = self.get_clock().create_jump_callback(
             JumpThreshold(
                 min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=False
@@ -118,27 +157,46 @@ class Fusion(Node):
 
     def _settings(self, values: dict[str, Any]) -> filters.Settings:
         """The filter's settings; an `AhrsError` if the values make none."""
-        if not 0.0 <= values["orientation_stddev"] < math.inf:
+        if not -math.inf < values["orientation_stddev"] < math.inf:
             raise UsageError(
-                f"orientation_stddev must be 0 or more rad, got {values['orientation_stddev']}."
+                f"orientation_stddev must be finite, in rad, or negative for the filter's own, "
+                f"got {values['orientation_stddev']}."
             )
         world = WorldFrame(values["world_frame"], values["magnetic_declination"])
         return filters.Settings(
             alpha=values["alpha"],
             alpha_rate=values["alpha_rate"],
-            stateful=values["stateful"],
-            use_mag=values["use_mag"],
-            learn_misalignment=values["learn_misalignment"],
-            learn_mag=values["learn_mag"],
             north_at_start=world.north_at_zero_yaw,
+            known=self._known,
+            **{name: values[name] for name in SWITCHES},
         )
 
     def _apply(self, values: dict[str, Any]) -> None:
         """Take new values from the next sample on."""
         self._filter.settings = self._settings(values)
-        covariance = messages.diagonal(values["orientation_stddev"] ** 2)
-        self._covariance = self._lane.covariance(covariance)
-        self._covariance_without_north = self._lane.covariance([*covariance[:8], NO_NORTH**2])
+        self._fixed_stddev = values["orientation_stddev"]
+        self._covariance_of: tuple[float, float] | None = None
+
+    def _orientation_covariance(self) -> Any:
+        """About the axes of the earth frame: x and y are tilt, z is heading."""
+        stddev = self._filter.stddev
+        if self._fixed_stddev >= 0.0 or stddev is None:
+            tilt = self._fixed_stddev if self._fixed_stddev >= 0.0 else USUAL_STDDEV
+            stddev = (tilt, tilt if self._filter.heading_known else NO_NORTH)
+        if stddev != self._covariance_of:
+            self._covariance_of = stddev
+            found = messages.about_the_vertical(stddev[0], min(stddev[1], NO_NORTH))
+            self._covariance = self._lane.covariance(found)
+        return self._covariance
+
+    def _load(self, path: str) -> Known:
+        """What an earlier run learned; nothing as long as there is no file."""
+        if not path:
+            return NOTHING
+        if not Path(path).exists():
+            self.get_logger().info(f"{path} does not exist yet: ~/save_calibration writes it.")
+            return NOTHING
+        return calibration_file.load(path).learned
 
     # Samples in
 
@@ -169,7 +227,7 @@ class Fusion(Node):
         if self._filter.started:
             self._orientation = self._world.update(attitude)
         if self._imu_out.wanted:
-            self._publish(sample, stamp, gyro)
+            self._publish(sample, stamp, rotor.minus(gyro, self._filter.bias))
         if self._filter.started:
             self._publish_derived(sample, stamp)
 
@@ -206,11 +264,8 @@ class Fusion(Node):
 
     def _publish(self, sample: Inertial, stamp: int, gyro: Vector) -> None:
         """Publish imu/data: the sample, its rates less the bias, with the orientation."""
-        covariance = self._unknown
-        if self._filter.heading_known:
-            covariance = self._covariance
-        elif self._filter.started:
-            covariance = self._covariance_without_north
+        started = self._filter.started
+        covariance = self._orientation_covariance() if started else self._unknown
         accel = sample.accel
         gyro_covariance, accel_covariance = sample.gyro_covariance, sample.accel_covariance
         if not messages.finite(gyro):
@@ -221,7 +276,7 @@ class Fusion(Node):
             self._lane.imu(
                 stamp,
                 sample.frame,
-                self._orientation if self._filter.started else rotor.IDENTITY,
+                self._orientation if started else rotor.IDENTITY,
                 covariance,
                 gyro,
                 gyro_covariance,
@@ -272,12 +327,32 @@ class Fusion(Node):
         self, _: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
         try:
-            self._bias = self._rest.bias()
+            bias = self._rest.bias()
         except MovedError as error:
             response.success, response.message = False, str(error)
             return response
+        self._bias = rotor.minus(bias, self._filter.bias)  # the filter takes what it learned
         response.success = True
-        response.message = "bias " + " ".join(f"{value:+.6f}" for value in self._bias) + " rad/s"
+        response.message = "bias " + " ".join(f"{value:+.6f}" for value in bias) + " rad/s"
+        return response
+
+    def _on_save_calibration(
+        self, _: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        path = self._chosen["calibration_file"]
+        known = self._filter.known
+        try:
+            if not path:
+                raise UsageError("calibration_file is empty: start fusion with the file to write.")
+            if known is None:
+                raise UsageError(f"filter {self._chosen['filter']} learns nothing of the sensors.")
+            known = replace(known, bias=rotor.total(known.bias, self._bias))
+            calibration_file.save_learned(path, known)
+        except AhrsError as error:
+            response.success, response.message = False, str(error)
+            return response
+        response.success = True
+        response.message = f"{path}: what was learned; fusion starts from it the next time."
         return response
 
     def _status(self, elapsed: float) -> Status:
@@ -301,7 +376,10 @@ class Fusion(Node):
             "imu_age_s": imu_age,
             "mag_age_s": mag_age,
             "heading": "magnetometer" if report.heading_from_mag else "gyroscope",
-            "gyro_bias_rad_s": " ".join(f"{value:.6f}" for value in self._bias),
+            "gyro_bias_rad_s": " ".join(
+                f"{value:.6f}" for value in rotor.total(self._bias, self._filter.bias)
+            ),
+            "calibration_file": self._chosen["calibration_file"],
             "sign_corrections": report.sign_corrections,
             "gyro_rejected": report.gyro_rejected,
             "accel_rejected": report.accel_rejected,
@@ -338,6 +416,8 @@ class Fusion(Node):
         if mag_age > SILENT:
             what = self._silence(self._mag_in.topic_name, mag_age)
             return WARN, f"{what} Heading follows the gyroscope.", values
+        if getattr(report, "mag_trust", 1.0) <= filters.DISTURBED:
+            return WARN, "The magnetic field is disturbed: heading follows the gyroscope.", values
         if not report.heading_from_mag:
             return WARN, "No usable magnetometer sample: heading follows the gyroscope.", values
         return OK, "Orientation from nine axes.", values

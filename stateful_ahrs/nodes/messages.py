@@ -64,6 +64,12 @@ def diagonal(variance: float) -> list[float]:
     return [variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance]
 
 
+def about_the_vertical(tilt: float, heading: float) -> list[float]:
+    """A 3 × 3 covariance, row-major, of standard deviations (rad) about level axes and vertical."""
+    level, vertical = tilt * tilt, heading * heading
+    return [level, 0.0, 0.0, 0.0, level, 0.0, 0.0, 0.0, vertical]
+
+
 def finite(v: Vector) -> bool:
     """Whether all three are numbers."""
     return math.isfinite(v[0] + v[1] + v[2])

@@ -20,6 +20,7 @@ from std_srvs.srv import Trigger
 
 from stateful_ahrs import filters
 from stateful_ahrs.filters.frames import WorldFrame
+from stateful_ahrs.mpu9250 import calibration_file
 from stateful_ahrs.recordings import load, samples
 from stateful_ahrs.rotor import difference, from_axis_angle, product
 
@@ -115,9 +116,7 @@ def test_the_stateless_filter_fails_where_the_scenario_shows_the_stateful_one_fo
     assert errors_deg(orientations, truth, WorldFrame("nwu")).max() > 90.0
 
 
-@pytest.mark.parametrize(
-    ("name", "fast"), [("stateful", True), ("paper", False), ("learning", True)]
-)
+@pytest.mark.parametrize(("name", "fast"), [("stateful", True), ("paper", False)])
 def test_live_and_offline_are_the_same(graph, name, fast):
     recording = load(BAGS / "turns")
     offline = WorldFrame("enu").all(filters.make(name, settings("enu")).run(samples(recording)))
@@ -143,7 +142,7 @@ def settings(frame):
 
 def test_what_a_filter_learned_is_in_diagnostics(graph):
     heard = graph.hear(DiagnosticArray, "/diagnostics")
-    graph.start("fusion", filter="learning")
+    graph.start("fusion")
     until(lambda: status(heard, "fusion")[2].get("mag_trust") == "1", "the filter's own values")
     values = status(heard, "fusion")[2]
     assert values["learned_bias_rad_s"] == "0 0 0"
@@ -394,7 +393,10 @@ def test_level_and_facing_north_in_each_world_frame(graph, frame, expected):
         ({"alpha": ".nan"}, "alpha must be between 0 and 1, got nan."),
         ({"filter": "kalman"}, "there is no filter 'kalman'; there are stateful, paper"),
         ({"world_frame": "nue"}, "world_frame must be one of enu, nwu, ned, got 'nue'."),
-        ({"orientation_stddev": -1.0}, "orientation_stddev must be 0 or more rad, got -1.0."),
+        (
+            {"orientation_stddev": ".nan"},
+            "orientation_stddev must be finite, in rad, or negative",
+        ),
         ({"publish_tf": True}, "publish_tf needs tf2_ros"),
         (
             {"qos_overrides./imu/data_raw.subscription.reliability": "nonsense"},
@@ -433,6 +435,7 @@ def test_what_is_not_live_is_refused(graph, name, value):
 def test_live_parameters_take_effect_with_the_next_sample(graph, sensor):
     sensor.send_all(ticks(200))
     assert graph.set_parameter("fusion", "alpha", 0.0).successful
+    assert graph.set_parameter("fusion", "low_pass", False).successful
     tilted = (0.0, 9.81 * math.sin(0.2), 9.81 * math.cos(0.2))
     answer = sensor.send_all([START + 200 * PERIOD], accel=tilted)
     level = rotor_of(sensor.heard[199].orientation)
@@ -498,6 +501,38 @@ def test_the_bias_is_taken_at_rest_and_refused_in_motion(graph, sensor):
     assert answer.angular_velocity.z == pytest.approx(0.0, abs=1e-3)
     sensor.send_all(ticks(10, START + 252 * PERIOD), gyro=(5.0, 0.0, 0.0))
     assert not graph.call(Trigger, "fusion/calibrate_gyro").success
+
+
+def test_what_was_learned_is_saved_and_starts_the_next_run(graph, tmp_path):
+    path = str(tmp_path / "imu.yaml")
+    fusion = graph.start("fusion", calibration_file=path)
+    Sensor(graph).send_all(ticks(600), gyro=(0.01, 0.0, -0.02))
+    done = graph.call(Trigger, "fusion/save_calibration")
+    assert done.success, done.message
+    assert calibration_file.load(path).learned.bias == pytest.approx((0.01, 0.0, -0.02), abs=1e-3)
+    assert fusion.end() == 0
+    graph.start("fusion", calibration_file=path)
+    answer = Sensor(graph).send_all([START + 700 * PERIOD], gyro=(0.11, 0.0, -0.02))
+    assert answer.angular_velocity.x == pytest.approx(0.1, abs=1e-3)
+    assert answer.angular_velocity.z == pytest.approx(0.0, abs=1e-3)
+
+
+def test_there_is_nothing_to_save_without_a_file(graph, sensor):
+    sensor.send_all(ticks(3))
+    refused = graph.call(Trigger, "fusion/save_calibration")
+    assert not refused.success
+    assert "calibration_file is empty" in refused.message
+
+
+def test_the_covariance_is_the_filters_own_and_says_where_north_is_unknown(graph):
+    graph.start("fusion")
+    sensor = Sensor(graph)
+    without = sensor.send_all(ticks(3), mag=None).orientation_covariance
+    assert without[8] == pytest.approx(math.pi**2)
+    found = sensor.send_all(ticks(400, START + 3 * PERIOD)).orientation_covariance
+    assert found[0] == found[4]
+    assert math.radians(0.05) ** 2 < found[0] < math.radians(2.0) ** 2
+    assert math.radians(1.0) ** 2 < found[8] < math.radians(10.0) ** 2
 
 
 @pytest.mark.parametrize("by", [signal.SIGINT, signal.SIGTERM])
