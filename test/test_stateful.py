@@ -473,6 +473,7 @@ def test_with_all_off_it_is_the_papers_filter_to_the_last_bit():
 
 def test_each_part_has_a_switch_that_changes_something():
     samples = samples_of(simulated("tumble", 12.0))
+    samples.gyro[500] += 20.0  # a glitch
     seen = [filters.make("stateful").run(samples)]
     for part in filters.UNLEARNED:
         seen.append(

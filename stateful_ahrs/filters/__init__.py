@@ -77,6 +77,7 @@ class Filter(Protocol):
 UNLEARNED: dict[str, Any] = {
     "alpha_heading": -1.0,
     "average_start": False,
+    "despike": False,
     "low_pass": False,
     "learn_bias": False,
     "learn_misalignment": False,

@@ -42,6 +42,7 @@ class Settings:
     # Not in the paper; of `stateful` alone, but for the second. All off is the paper's filter:
     normalise: bool = True  # after each blend, if stateful
     average_start: bool = True  # in the first second or two a mean of all samples
+    despike: bool = True  # a rate or a field that no neighbour confirms is taken back
     low_pass: bool = True  # of up, in axes that the gyroscope carries along
     learn_bias: bool = True  # the gyroscope's, at rest and on the way
     learn_misalignment: bool = True  # of the gyroscope's axes, and their scale

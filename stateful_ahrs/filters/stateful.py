@@ -20,9 +20,9 @@ Deviations from the paper
   heading: the snapshot is then taken with the north that the gyroscope predicts.
 
 Not in the paper, each with a switch in `Settings`, all off where the filter is called the paper's:
-the slow room's parts; up low-passed; a heading that is corrected slower (or faster) than tilt, by
-a north between the predicted and the measured one; the rotor normalised after each blend; a start
-that is the mean of all samples so far.
+the slow room's parts; single bad samples taken back (`spikes`); up low-passed; a heading that is
+corrected slower (or faster) than tilt, by a north between the predicted and the measured one; the
+rotor normalised after each blend; a start that is the mean of all samples so far.
 """
 
 from __future__ import annotations
@@ -39,12 +39,14 @@ from ..rotor import (
     Rotor,
     Vector,
     blend,
+    conjugate,
     dot,
     from_rate,
     negative,
     plus,
     product,
     rotate,
+    total,
     unit,
 )
 from .compiled import bind, compiled
@@ -76,6 +78,7 @@ from .senses import UP as UP
 from .senses import WEAKEST as WEAKEST
 from .settings import DEFAULTS, Known
 from .settings import Settings as Settings
+from .spikes import JUMP_OF_FORCE, ZERO, Seen, is_confirmed, to_neighbours, way_back
 from .stamps import steps
 
 NEAR_UNIT = 1e-6  # of the square of a length: one step of Newton is then as good as the root
@@ -99,6 +102,7 @@ class Gains(NamedTuple):
     stateful: bool
     normalise: bool
     average_start: bool
+    despike: bool
     learns: bool
     chosen: Chosen
 
@@ -140,6 +144,7 @@ class State(NamedTuple):
     learned: Learned = Learned()
     room: Room = Room()
     past: Past = Past()
+    seen: Seen = Seen()
 
 
 def gains(settings: Settings) -> Gains:
@@ -152,6 +157,7 @@ def gains(settings: Settings) -> Gains:
         settings.stateful,
         settings.normalise,
         settings.average_start,
+        settings.despike,
         settings.learns,
         chosen(settings),
     )
@@ -242,7 +248,22 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
         turn_rate = true_rate(learned, rate)
         mag = true_field(learned, mag, turn_rate)
     turn = from_rate(turn_rate, dt)
+    seen = state.seen
+    if gains.despike and dt > 0.0:
+        turn = product(way_back(seen, rate), turn)
     rotor = predicted = predict(state.rotor, turn)
+    if gains.despike:
+        field, force = rotate(predicted, mag), accel
+        if dt > 0.0:
+            if not is_confirmed(field, seen.field):
+                mag = ZERO  # none, and counted
+            if gains.sources.low_pass and usable(seen.force):
+                # The low-pass is linear: this undoes in it what the last force did.
+                knock = to_neighbours(seen.force, seen.force_before, force, JUMP_OF_FORCE)
+                accel = total(accel, rotate(conjugate(turn), knock))
+        if field[0] != field[0]:
+            field = seen.field
+        seen = Seen(rate, seen.rate, dt, force, seen.force, field)
     pace = paced(state.pace, gains, dt)
     weight, share = weights(gains, learned, pace, state.elapsed)
     senses, found, _, begins, snapshot = look(
@@ -276,7 +297,7 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
     if gains.learns:
         fresh = gains.sources.use_mag and senses.mag_age == 0.0
         past = passed(past, fresh, rotor, predicted, elapsed, dt, begins, starts)
-    return State(rotor, senses, elapsed, predicted, pace, learned, state.room, past)
+    return State(rotor, senses, elapsed, predicted, pace, learned, state.room, past, seen)
 
 
 def passed(
@@ -363,8 +384,9 @@ def look_back(state: State, memory: Memory, gains: Gains) -> State:
         room, learned = start_anew(memory, room, learned)
     past = Past(0.0, (0.0, 0.0, 0.0), 0, past.row_time, past.mag_row_time, past.step, False)
     return State(
-        state.rotor, state.senses, state.elapsed, state.predicted, state.pace, learned, room, past
-    )
+        state.rotor, state.senses, state.elapsed, state.predicted, state.pace, learned, room, past,
+        state.seen,
+    )  # fmt: skip
 
 
 def run(
