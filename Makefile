@@ -11,9 +11,10 @@ CONSTRAINTS ?=
 
 comma   := ,
 ROS     := $(or $(ROS_DISTRO),pypi)
-EXTRAS  := bags,fast,plot,parallel,cluster,i2c,serial,calibration,bench,test,lint$(if $(ROS_DISTRO),,$(comma)jazzy)
+EXTRAS  := bags,fast,plot,parallel,cluster,i2c,serial,calibration,test,lint$(if $(ROS_DISTRO),,$(comma)jazzy)
 CREATED := $(VENV)/.created-for-$(ROS)
 READY   := $(VENV)/.ready-for-$(ROS)
+PEERS   := $(VENV)/.ready-for-bench
 RUN     := $(VENV)/bin/python
 SHARE   := $(VENV)/share
 INDEX   := $(SHARE)/ament_index/resource_index/packages
@@ -39,8 +40,8 @@ test-ubuntu:
 	@$(MAKE) test VENV=.venv-ubuntu CONSTRAINTS=test/constraints-ubuntu-24.04.txt \
 	    PYTHONS='python3.12 python3.11 python3.10 python3'
 
-# What everything costs, in fifteen minutes; QUICK=1: in three. Needs a machine that does nothing else.
-bench: $(READY)
+# What everything costs, in fifteen minutes; QUICK=1: in four. On a machine that does nothing else.
+bench: $(PEERS)
 	@$(RUN) -m bench --json bench.json --minutes $(MINUTES) $(if $(QUICK),--quick)
 
 lint: $(READY)
@@ -90,4 +91,8 @@ $(READY): $(CREATED) setup.py Makefile $(CONSTRAINTS)
 	@ln -sf $(NAMES:%=../../bin/%) $(VENV)/lib/stateful_ahrs
 	@ln -sfn '$(CURDIR)/package.xml' '$(CURDIR)/launch' '$(CURDIR)/config' $(SHARE)/stateful_ahrs
 	@ln -sf '$(CURDIR)/resource/stateful_ahrs' $(INDEX)
+	@touch $@
+
+$(PEERS): $(READY)
+	@$(RUN) -m pip install -qq --disable-pip-version-check -e '.[bench]'
 	@touch $@
