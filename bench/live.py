@@ -132,7 +132,10 @@ def highest(rig: Rig, name: str, seconds: float) -> int:
 
 
 def memory(seconds: float) -> dict[str, Any]:
-    """Resident memory in MB of fusion and the relay, before the first sample and at 1 kHz."""
+    """Resident memory in MB of fusion and the relay: before the first sample, and at 1 kHz.
+
+    ``warm`` is when the windows that look back some seconds are full.
+    """
     rig = Rig(
         relay=node("relay", "relay", "bench.relay"), fusion=node("fusion", "fusion", filter=FILTER)
     )
@@ -148,7 +151,7 @@ def memory(seconds: float) -> dict[str, Any]:
             for name in rig.nodes:
                 rig.heard(name)
     return {
-        name: {"start": own[0], "warm": own[1], "end": own[-1], "seconds": seconds}
+        name: {"start": own[0], "warm": own[2], "end": own[-1], "seconds": seconds}
         for name, own in rows.items()
     }
 
