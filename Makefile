@@ -15,7 +15,7 @@ ROS     := $(or $(ROS_DISTRO),pypi)
 EXTRAS  := bags,fast,plot,parallel,cluster,i2c,serial,calibration,test,lint$(if $(ROS_DISTRO),,$(comma)jazzy)
 CREATED := $(VENV)/.created-for-$(ROS)
 READY   := $(VENV)/.ready-for-$(ROS)
-PEERS   := $(VENV)/.peers-for-$(ROS)
+PEERS   := $(VENV)/.ready-for-bench
 RUN     := $(VENV)/bin/python
 SHARE   := $(VENV)/share
 INDEX   := $(SHARE)/ament_index/resource_index/packages
@@ -41,7 +41,7 @@ test-ubuntu:
 	@$(MAKE) test VENV=.venv-ubuntu CONSTRAINTS=test/constraints-ubuntu-24.04.txt \
 	    PYTHONS='python3.12 python3.11 python3.10 python3'
 
-# What everything costs, in fifteen minutes; QUICK=1: in three. Needs a machine that does nothing else.
+# What everything costs, in fifteen minutes; QUICK=1: in four. On a machine that does nothing else.
 bench: $(PEERS)
 	@$(RUN) -m bench --json bench.json --minutes $(MINUTES) $(if $(QUICK),--quick)
 

@@ -28,10 +28,10 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="three minutes instead of fifteen")
     options = parser.parse_args()
     quick = options.quick
-    seconds, rounds = (1.5, 3) if quick else (2.0, 7)
+    seconds, rounds = (1.5, 3) if quick else (1.5, 5)
     own_domain()
     parts = {
-        "batch": lambda: batch.measure(quick, 5.0 if quick else 60.0),
+        "batch": lambda: batch.measure(quick, 5.0 if quick else 30.0),
         "rates": lambda: live.rates(seconds, rounds),
         "driver": lambda: live.driver(2.0 * seconds, rounds),
         "many": lambda: live.many(seconds),

@@ -1,5 +1,5 @@
-/* The arithmetic of the filters `stateful` and `paper` (stateful_ahrs/filters/stateful.py), in C for
-   comparison alone: the same steps in the same order, for samples of all three sensors. */
+/* The arithmetic of the filter `paper` (stateful_ahrs/filters/stateful.py), in C for comparison
+   alone: the same steps in the same order, for samples of all three sensors. */
 #include <math.h>
 
 typedef struct { double w, x, y, z; } rotor;
@@ -70,14 +70,13 @@ static int dcm(vector a, vector m, rotor *q)
 
 /* stateful.step and senses.look; the rows are those of `Samples`, the settings those of `Settings`.
    Rejected samples are not counted, which they need not be where all are good. */
-void run(long n, double alpha, double alpha_rate, int normalise, int average_start,
-         const double *gyro, const double *accel, const double *mag, const double *steps,
-         double *rotors)
+void run(long n, double alpha, double alpha_rate, const double *gyro, const double *accel,
+         const double *mag, const double *steps, double *rotors)
 {
     const rotor identity = {1.0, 0.0, 0.0, 0.0};
     rotor state = identity;
     vector field = {1.0, 0.0, 0.0};
-    double mag_age = INFINITY, elapsed = 0.0, paced = -1.0, pace = alpha;
+    double mag_age = INFINITY, paced = -1.0, pace = alpha;
     int started = 0, heading_known = 0;
     for (long i = 0; i < n; i++, gyro += 3, accel += 3, mag += 3, rotors += 4) {
         double dt = steps[i];
@@ -115,21 +114,16 @@ void run(long n, double alpha, double alpha_rate, int normalise, int average_sta
         }
         if (found && dot(snapshot, predicted) < 0.0) snapshot = scaled(snapshot, -1.0);
         rotor now = predicted;
-        elapsed += dt;
         if (begins && found) {
             now = snapshot;
-            if (starts) elapsed = 0.0;
         } else if (found) {
             if (alpha_rate > 0.0 && dt != paced) paced = dt, pace = pow(alpha, dt * alpha_rate);
-            double weight = pace;
-            if (average_start && elapsed < 1.0) weight = fmin(weight, elapsed / (elapsed + dt));
-            double rest = 1.0 - weight;
-            now = (rotor){weight * predicted.w + rest * snapshot.w,
-                          weight * predicted.x + rest * snapshot.x,
-                          weight * predicted.y + rest * snapshot.y,
-                          weight * predicted.z + rest * snapshot.z};
+            double rest = 1.0 - pace;
+            now = (rotor){pace * predicted.w + rest * snapshot.w,
+                          pace * predicted.x + rest * snapshot.x,
+                          pace * predicted.y + rest * snapshot.y,
+                          pace * predicted.z + rest * snapshot.z};
         }
-        if (normalise) now = unit(now);
         started = started || found;
         heading_known = heading_known || from_mag;
         state = now;

@@ -15,6 +15,7 @@ FILTER = "stateful"  # of fusion: the default, and the most accurate
 RATES = (100, 400, 1000, 4000)  # Hz
 STEPS = (5000, 6000, 8000, 10_000, 12_500, 15_000, 20_000)  # Hz, until samples are lost
 DRAIN = 0.3  # s after a window, for what is under way
+LATE = 1.0  # s after which what is still missing is lost
 WARM = 1.0  # s
 MANY, MANY_RATE = (1, 2, 4, 8), 200  # IMUs, and Hz of each
 
@@ -25,6 +26,10 @@ class Window(NamedTuple):
     cpu: float  # of one core
     sent: int
     latencies: list[float]  # µs from sending to arrival, of those that arrived
+
+    def percentile(self, p: float) -> float:
+        """Of the latencies, µs."""
+        return float(np.percentile(self.latencies, p))
 
 
 class Rig:
@@ -68,7 +73,11 @@ class Rig:
         before = self.nodes[name].cpu
         sent = self.send([name], rate, seconds)
         cpu = self.nodes[name].cpu - before
-        return Window(cpu / seconds, sent, [latency * 1e-3 for latency, _ in self.heard(name)])
+        heard = self.heard(name)
+        if len(heard) < sent:
+            time.sleep(LATE)
+            heard += self.heard(name)
+        return Window(cpu / seconds, sent, [latency * 1e-3 for latency, _ in heard])
 
 
 def in_turns(
@@ -79,17 +88,15 @@ def in_turns(
     for k in range(rounds):
         for name in names if k % 2 == 0 else reversed(names):
             windows[name].append(rig.window(name, rate, seconds))
-    floor = windows[names[0]]
+    floor = [(w.cpu, w.percentile(99)) for w in windows[names[0]]]
     found = {}
     for name, own in windows.items():
-        pooled = np.concatenate([w.latencies for w in own])
-        p99s = [float(np.percentile(w.latencies, 99)) for w in own]
-        floors = [float(np.percentile(w.latencies, 99)) for w in floor]
+        pairs = list(zip(own, floor, strict=True))
         found[name] = {
             "cpu_percent": 100.0 * median(w.cpu for w in own),
-            "cpu_ratio": median(w.cpu / f.cpu for w, f in zip(own, floor, strict=True)),
-            **{f"p{p}_us": float(np.percentile(pooled, p)) for p in (50, 99, 99.9)},
-            "p99_excess_us": median(p - 1.25 * f for p, f in zip(p99s, floors, strict=True)),
+            "cpu_ratio": median(w.cpu / cpu for w, (cpu, _) in pairs),
+            **{f"p{p}_us": median(w.percentile(p) for w in own) for p in (50, 99, 99.9)},
+            "p99_excess_us": median(w.percentile(99) - 1.25 * p99 for w, (_, p99) in pairs),
             "lost": sum(w.sent - len(w.latencies) for w in own),
             "sent": sum(w.sent for w in own),
         }
@@ -125,7 +132,10 @@ def highest(rig: Rig, name: str, seconds: float) -> int:
 
 
 def memory(seconds: float) -> dict[str, Any]:
-    """Resident memory in MB of fusion and the relay, before the first sample and at 1 kHz."""
+    """Resident memory in MB of fusion and the relay: before the first sample, and at 1 kHz.
+
+    ``warm`` is when the windows that look back some seconds are full.
+    """
     rig = Rig(
         relay=node("relay", "relay", "bench.relay"), fusion=node("fusion", "fusion", filter=FILTER)
     )
@@ -141,7 +151,7 @@ def memory(seconds: float) -> dict[str, Any]:
             for name in rig.nodes:
                 rig.heard(name)
     return {
-        name: {"start": own[0], "warm": own[1], "end": own[-1], "seconds": seconds}
+        name: {"start": own[0], "warm": own[2], "end": own[-1], "seconds": seconds}
         for name, own in rows.items()
     }
 
