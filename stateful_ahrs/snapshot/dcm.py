@@ -27,25 +27,28 @@ def dcm(accel: Vector, mag: Vector) -> tuple[bool, Rotor]:
     field = mx * mx + my * my + mz * mz
     if not (1e-24 < square < 1e24 and 1e-24 < field < 1e24):
         return False, IDENTITY
-    s = 1.0 / math.sqrt(square)
-    ax, ay, az = s * ax, s * ay, s * az  # up; these three are the columns of eq. 5
     cx, cy, cz = ay * mz - az * my, az * mx - ax * mz, ax * my - ay * mx
-    square = cx * cx + cy * cy + cz * cz
-    if not square > PARALLEL * PARALLEL * field:
+    across = cx * cx + cy * cy + cz * cz
+    if not across > PARALLEL * PARALLEL * square * field:
         return False, IDENTITY
-    s = 1.0 / math.sqrt(square)
-    cx, cy, cz = s * cx, s * cy, s * cz  # west
+    a, c = math.sqrt(square), math.sqrt(across)
+    one = a * c  # in units of which the three columns of eq. 5 are of length one
     mx, my, mz = cy * az - cz * ay, cz * ax - cx * az, cx * ay - cy * ax  # north
-    return True, from_columns((mx, my, mz), (cx, cy, cz), (ax, ay, az))
+    cx, cy, cz = a * cx, a * cy, a * cz  # west
+    ax, ay, az = c * ax, c * ay, c * az  # up
+    return True, from_columns((mx, my, mz), (cx, cy, cz), (ax, ay, az), one)
 
 
-def from_columns(north: Vector, west: Vector, up: Vector) -> Rotor:
-    """Rotor sensor → earth from the earth's unit vectors in the sensor frame (eq. 6–10)."""
+def from_columns(north: Vector, west: Vector, up: Vector, one: float) -> Rotor:
+    """Rotor sensor → earth from the earth's axes in the sensor frame, of length ``one`` each.
+
+    Eq. 6–10; eq. 7 with four sums shared.
+    """
     (mx, my, mz), (cx, cy, cz), (ax, ay, az) = north, west, up
-    more, less, both, apart = 1.0 + mx, 1.0 - mx, cy + az, cy - az
+    more, less, both, apart = one + mx, one - mx, cy + az, cy - az
     d0, d1, d2, d3 = more + both, more - both, less + apart, less - apart  # eq. 7
     largest = max(d0, d1, d2, d3)
-    s = 0.5 / math.sqrt(largest)  # eq. 9, with the columns of eq. 6 and 8
+    s = 0.5 / math.sqrt(largest * one)  # eq. 9, with the columns of eq. 6 and 8
     if largest == d0:
         return (s * d0, s * (ay - cz), s * (mz - ax), s * (cx - my))
     if largest == d1:

@@ -229,7 +229,7 @@ def singular_surface() -> Section:
                 refuted(none["SAAM"] > 0),
             ),
             Claim(
-                "largest error in single precision at |x| = 1e-5",
+                "largest error in single precision with x = 1e-5",
                 "",
                 f"SAAM {single['SAAM']:.1f}°, DCM {single['DCM']:.1g}°",
                 MEASURED,
