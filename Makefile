@@ -1,9 +1,11 @@
-# demo, test, lint and reproduce first set up what they need in VENV: the package, editable, with its extras.
+# Each first sets up what it needs in VENV: the package, editable, with its extras.
 # Where ROS 2 Jazzy is sourced they use its rclpy, elsewhere the wheels from PyPI.
 
 VENV        ?= .venv
 PYTHONS     ?= python3.12 python3.13 python3.11 python3.10 python3.14 python3
 DURATION    ?= 20
+MINUTES     ?= 10
+QUICK       ?=
 BAG         ?=
 CONSTRAINTS ?=
 DATA        ?=
@@ -13,6 +15,7 @@ ROS     := $(or $(ROS_DISTRO),pypi)
 EXTRAS  := bags,fast,plot,parallel,cluster,i2c,serial,calibration,test,lint$(if $(ROS_DISTRO),,$(comma)jazzy)
 CREATED := $(VENV)/.created-for-$(ROS)
 READY   := $(VENV)/.ready-for-$(ROS)
+PEERS   := $(VENV)/.peers-for-$(ROS)
 RUN     := $(VENV)/bin/python
 SHARE   := $(VENV)/share
 INDEX   := $(SHARE)/ament_index/resource_index/packages
@@ -23,7 +26,7 @@ NAMES    = $(shell sed -n 's/.*"\([a-z_]*\) = stateful_ahrs\..*/\1/p' setup.py)
 export BAG
 export AMENT_PREFIX_PATH := $(abspath $(VENV))$(addprefix :,$(AMENT_PREFIX_PATH))
 
-.PHONY: setup demo test test-ubuntu lint reproduce clean
+.PHONY: setup demo test test-ubuntu lint bench accuracy reproduce clean
 
 setup: $(READY)
 
@@ -37,6 +40,14 @@ test: $(READY)
 test-ubuntu:
 	@$(MAKE) test VENV=.venv-ubuntu CONSTRAINTS=test/constraints-ubuntu-24.04.txt \
 	    PYTHONS='python3.12 python3.11 python3.10 python3'
+
+# What everything costs, in fifteen minutes; QUICK=1: in three. Needs a machine that does nothing else.
+bench: $(PEERS)
+	@$(RUN) -m bench --json bench.json --minutes $(MINUTES) $(if $(QUICK),--quick)
+
+# The tables of docs/accuracy.md, in half an hour; DATA is the folder of BROAD's .mat files.
+accuracy: $(PEERS)
+	@$(RUN) -m bench.accuracy $(or $(DATA),../shared/data/broad) --page
 
 lint: $(READY)
 	@$(RUN) -m ruff check
@@ -89,4 +100,8 @@ $(READY): $(CREATED) setup.py Makefile $(CONSTRAINTS)
 	@ln -sf $(NAMES:%=../../bin/%) $(VENV)/lib/stateful_ahrs
 	@ln -sfn '$(CURDIR)/package.xml' '$(CURDIR)/launch' '$(CURDIR)/config' $(SHARE)/stateful_ahrs
 	@ln -sf '$(CURDIR)/resource/stateful_ahrs' $(INDEX)
+	@touch $@
+
+$(PEERS): $(READY)
+	@$(RUN) -m pip install -qq --disable-pip-version-check -e '.[bench]' $(CONSTRAINTS:%=-c %)
 	@touch $@

@@ -52,6 +52,7 @@ setup(
         "i2c": ["smbus2>=0.4"],
         "serial": ["pyserial>=3.5"],
         "calibration": ["PyYAML>=6.0", "scipy>=1.11"],
+        "bench": ["ahrs>=0.3.1", "imufusion>=1.3", "vqf>=2.1"],  # to compare with
         "test": ["hypothesis>=6.98", "pytest>=7.4"],
         "lint": ["mypy>=1.13", "ruff>=0.17"],
     },

@@ -62,9 +62,19 @@ def rotate(q: Rotor, v: Vector) -> Vector:
     )
 
 
+def plus(p: Rotor, q: Rotor) -> Rotor:
+    """Sum, element by element."""
+    return (p[0] + q[0], p[1] + q[1], p[2] + q[2], p[3] + q[3])
+
+
 def minus(u: Vector, v: Vector) -> Vector:
     """Difference of two vectors."""
     return (u[0] - v[0], u[1] - v[1], u[2] - v[2])
+
+
+def total(u: Vector, v: Vector) -> Vector:
+    """Sum of two vectors."""
+    return (u[0] + v[0], u[1] + v[1], u[2] + v[2])
 
 
 def unit(q: Rotor) -> Rotor:

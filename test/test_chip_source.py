@@ -380,6 +380,39 @@ def test_a_magnetometer_that_falls_silent_is_started_anew_ever_less_often():
     assert bench.source.faults.mag_restarts == 2
 
 
+@BOTH
+def test_a_magnetometer_that_dies_takes_no_other_axis_with_it_and_may_come_back(fifo: bool):
+    bench = Bench(Settings(100.0, fifo=fifo))
+    bench.read(50)
+    bench.sim.mag_gone = True
+    assert all(sample.reading.mag is None for sample in bench.read(500)[5:])
+    assert bench.source.has_magnetometer  # it is missed
+    bench.sim.mag_gone = False
+    assert any(sample.reading.mag is not None for sample in bench.read(900))
+
+
+@pytest.mark.parametrize("bypass", [False, True])
+def test_a_chip_that_comes_back_without_its_magnetometer_gives_the_other_axes(bypass: bool):
+    bench = Bench(Settings(100.0, bypass=bypass))
+    bench.read(50)
+    bench.sim.mag_gone = True
+    bench.source.close()
+    bench.source.open()
+    assert all(sample.reading.mag is None for sample in bench.read(50))
+    bench.sim.mag_gone = False
+    assert any(sample.reading.mag is not None for sample in bench.read(400))
+
+
+@pytest.mark.parametrize("bypass", [False, True])
+def test_a_chip_that_never_had_its_magnetometer_is_refused(bypass: bool):
+    clock = VirtualClock()
+    sim = SimulatedMpu9250(motion("rest"), clock=clock)
+    sim.mag_gone = True
+    source = ChipSource(lambda: sim, Settings(bypass=bypass), sleep=clock.sleep, steady=clock)
+    with pytest.raises(DeviceError):
+        source.open()
+
+
 def test_an_overflowing_magnetometer_is_not_silent():
     bench = Bench(Settings(100.0), errors=replace(IDEAL, hard_iron=(4900e-6, 0.0, 0.0)))
     bench.read(500)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from boards import BOARDS
+from boards import BOARDS, Bridge
 from hypothesis import given
 from hypothesis import strategies as st
 from streams import COUNT, bytewise, fed, stream
@@ -50,6 +50,13 @@ def test_noise_is_no_protocol(chunks: list[bytes]):
 def test_an_unknown_protocol_is_refused_with_those_there_are():
     with pytest.raises(UsageError, match="one of auto, frame, razor, rt_usb, got 'nmea'"):
         parser("nmea")
+
+
+@pytest.mark.parametrize("junk", [b"", b"\n7\r\n"])  # digits alone in a line, as chance has them
+def test_auto_names_the_chip_of_a_bridge_that_has_another(junk: bytes):
+    auto = parser("auto")
+    assert fed(auto, junk + b"".join(stream(Bridge(who_am_i=0x75)))) == []
+    assert "answers 0x75" in auto.complaint
 
 
 def test_what_the_only_parser_that_understands_it_says_is_passed_on():

@@ -128,9 +128,9 @@ def test_a_bad_sample_costs_nothing_later(name, sensor, bad):
     assert error[30:].max() < CLOSE
 
 
-# `aqua` and `learning` keep what they learned of the gyroscope, and SAAM cannot start level.
+# `aqua` and `stateful` keep what they learned of the gyroscope, and SAAM cannot start level.
 @pytest.mark.parametrize(
-    "name", [name for name in FOLLOWING if name not in ("aqua", "learning", "paper_saam")]
+    "name", [name for name in FOLLOWING if name not in ("aqua", "stateful", "paper_saam")]
 )
 def test_a_start_anew_is_a_start(name):
     # a bag in a loop: the second pass is the first once more, but for the sign it continues
@@ -179,7 +179,7 @@ def test_reset_forgets_but_for_the_counts(name):
     f.reset()
     assert not f.started and not f.heading_known
     assert f.rotor == IDENTITY
-    assert f.report.gyro_rejected == (0 if name == "learning" else 1)
+    assert f.report.gyro_rejected == 1
 
 
 @following

@@ -108,6 +108,16 @@ def test_what_went_wrong_on_the_wire_is_said_once(fault: str, sentence: str):
     assert monitor.verdict(1.0, None)[0] is Level.OK
 
 
+def test_the_piece_of_a_sample_that_a_stream_begins_with_is_counted_but_no_fault():
+    desk = Desk()
+    monitor = Monitor(desk)
+    desk.faults.bytes_discarded = 34
+    for n in range(100):
+        monitor.see(reading(n), 0, n * 10 * MS)
+    level, _, values = monitor.verdict(1.0, None)
+    assert (level, values["bytes_discarded"]) == (Level.OK, 34)
+
+
 def test_missed_samples_are_said_with_the_remedy():
     level, sentence, values = seen(Desk(), missed=3).verdict(1.0, None)
     assert (level, values["missed"]) == (Level.WARN, 3)

@@ -96,7 +96,7 @@ def test_name_licence_and_maintainer_agree():
 
 def test_pip_and_rosdep_install_the_same():
     extras = dict(SETUP["extras_require"])
-    del extras["lint"]
+    del extras["lint"], extras["bench"]
     assert keys(extras.pop("test")) == depends("test_depend") - ROS_ONLY
     run = [*SETUP["install_requires"], *(need for needs in extras.values() for need in needs)]
     assert keys(run) == depends("exec_depend") - ROS_ONLY

@@ -104,7 +104,7 @@ def test_what_is_counted_is_what_the_kernels_compute():
 
 
 def test_fewer_operations_than_printed_are_found_on_the_kernels():
-    assert operations(from_columns, *kusaka.AXES, 1.0) == {"+": 11, "×": 5, "/": 1, "√": 1}
+    assert operations(from_columns, 1.0, *kusaka.AXES) == {"+": 11, "×": 5, "/": 1, "√": 1}
     assert operations(blend, IDENTITY, IDENTITY, 0.5) == {"+": 5, "×": 8}  # one of 1 − α
     steps = {name: flops(own) for name, own in kckf.step_counts().items()}
     assert steps["ckf_point_free"] < 0.6 * steps["ckf"]

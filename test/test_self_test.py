@@ -64,6 +64,14 @@ def test_a_chip_without_a_magnetometer_can_be_tested():
     assert all(axis.passed for axis in result(who_am_i=0x70))
 
 
+def test_a_dead_magnetometer_does_not_keep_the_other_axes_from_their_test():
+    clock = VirtualClock()
+    sim = SimulatedMpu9250(motion("rest"), clock=clock)
+    sim.mag_gone = True
+    clock.sleep(0.2)
+    assert all(axis.passed for axis in self_test(sim, sleep=clock.sleep))
+
+
 def test_the_chip_measures_again_once_it_is_configured_anew():
     clock = VirtualClock()
     sim = SimulatedMpu9250(motion("rest"), clock=clock)

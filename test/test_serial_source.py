@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import termios
 import time
 import tty
 from collections.abc import Iterator
@@ -65,6 +66,17 @@ def test_every_board_is_read_and_named(port: Port, name: str):
     samples = until(source, COUNT - 2)
     assert str(source) == f"MPU-9250 at {port.name} ({name})"
     assert all(abs(sample.arrival - time.monotonic_ns()) < 5e9 for sample in samples)
+    source.close()
+
+
+def test_a_bridge_with_an_mpu_6500_is_named_and_misses_no_magnetometer(port: Port):
+    source = SerialSource(port.name, 921600)
+    source.open()
+    assert source.has_magnetometer  # as far as is known
+    port.send(b"".join(stream(Bridge(who_am_i=0x70))))
+    assert all(sample.reading.mag is None for sample in until(source, COUNT))
+    assert str(source) == f"MPU-6500 at {port.name} (frame, no magnetometer)"
+    assert not source.has_magnetometer
     source.close()
 
 
@@ -134,6 +146,19 @@ def test_a_file_that_is_no_port_is_said(tmp_path: Path):
     file.touch()
     with pytest.raises(DeviceError, match="cannot be opened"):
         SerialSource(str(file), 115200).open()
+
+
+def test_a_board_that_goes_while_its_port_is_opened_is_said(
+    port: Port, monkeypatch: pytest.MonkeyPatch
+):
+    import serial
+
+    def gone(_: object) -> None:
+        raise termios.error(5, "Input/output error")
+
+    monkeypatch.setattr(serial.Serial, "reset_input_buffer", gone)
+    with pytest.raises(DeviceError, match=r"cannot be opened .*Input/output error"):
+        SerialSource(port.name, 115200).open()
 
 
 @pytest.fixture

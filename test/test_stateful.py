@@ -195,7 +195,7 @@ def test_the_blend_is_eq_16_to_the_last_bit_when_sampled_as_in_the_paper():
 @pytest.mark.parametrize("rate", [25, 100, 400])
 def test_alpha_means_the_same_at_every_rate(rate):
     # a start 0.2 rad off, by a magnet, is forgotten with the time constant: see what is left of it
-    settings = Settings(alpha=0.99, alpha_rate=100.0, average_start=False)
+    settings = Settings(**filters.UNLEARNED, alpha=0.99, alpha_rate=100.0)
     assert settings.time_constant == pytest.approx(0.995, abs=0.001)
     samples, _ = recording("rest", 1.1, rate=rate)
     start = from_axis_angle((0.0, 0.0, 1.0), 0.2)
@@ -208,13 +208,13 @@ def test_alpha_means_the_same_at_every_rate(rate):
 def test_alpha_one_is_the_gyroscope_alone():
     samples, truth = recording()
     samples.accel[1:], samples.mag[1:] = (0.0, 5.0, 5.0), (1.0, 1.0, 1.0)
-    estimate = filters.make("stateful", Settings(alpha=1.0, average_start=False)).run(samples)
+    estimate = filters.make("stateful", Settings(**filters.UNLEARNED, alpha=1.0)).run(samples)
     assert errors_deg(estimate, truth).max() < 0.1  # second order of eq. 12
 
 
 def test_alpha_zero_is_the_snapshot_alone():
     samples, truth = recording(gyro=np.zeros((950, 3)))
-    estimate = filters.make("stateful", Settings(alpha=0.0)).run(samples)
+    estimate = filters.make("stateful", Settings(**filters.UNLEARNED, alpha=0.0)).run(samples)
     assert errors_deg(estimate, truth).max() < 1e-6
 
 
@@ -257,7 +257,7 @@ def test_a_stale_magnetometer_gives_way_to_the_gyroscope():
     samples, truth = recording("tumble", 20.0)
     samples.mag[300:] = np.nan
     samples.mag[299] = felt(from_axis_angle((0.0, 0.0, 1.0), 1.0))[1]  # its last word was wrong
-    f = filters.make("stateful", Settings(mag_timeout=0.1))
+    f = filters.make("stateful", Settings(**filters.UNLEARNED, mag_timeout=0.1))
     # 0.1 s of a pull of 1 rad with a time constant of 3 s; a second of it would be 16°
     assert errors_deg(f.run(samples), truth)[400] < 3.0
     assert not f.report.heading_from_mag
@@ -366,7 +366,7 @@ def test_whatever_comes_in_a_unit_rotor_comes_out(name, inputs):
 
 
 def test_rates_are_held_while_the_gyroscope_gives_none():
-    f = filters.make("stateful", Settings(alpha=1.0, average_start=False))
+    f = filters.make("stateful", Settings(**filters.UNLEARNED, alpha=1.0))
     f.update_imu((0.0, 0.0, 1.0), (0.0, 0.0, 9.81), 0.0)
     for _ in range(20):
         f.update_imu(NAN, (0.0, 0.0, 9.81), 0.01)
@@ -434,7 +434,7 @@ def test_a_restart_continues_the_sign():
 
 
 def test_settings_apply_from_the_next_sample():
-    f = filters.make("stateful", Settings(alpha=1.0, average_start=False))
+    f = filters.make("stateful", Settings(**filters.UNLEARNED, alpha=1.0))
     f.update_imu((0.0, 0.0, 0.0), (0.0, 0.0, 9.81), 0.0)
     f.update_imu((0.0, 0.0, 0.0), (0.0, 9.81, 0.0), 0.01)
     assert f.rotor == IDENTITY
@@ -446,7 +446,40 @@ def test_settings_apply_from_the_next_sample():
 def test_what_makes_a_filter_the_papers_outlives_new_settings():
     f = filters.make("paper_stateless")
     f.settings = Settings(alpha=0.5)
-    assert f.settings == Settings(alpha=0.5, stateful=False, normalise=False, average_start=False)
+    assert f.settings == Settings(**filters.AS_PUBLISHED, alpha=0.5, stateful=False)
+
+
+def test_with_all_off_it_is_the_papers_filter_to_the_last_bit():
+    samples = samples_of(simulated("tumble", 8.0))
+    off = Settings(**filters.AS_PUBLISHED)
+    paper = filters.make("paper")
+    assert np.array_equal(filters.make("stateful", off).run(samples), paper.run(samples))
+    live = filters.make("stateful", replace(off, alpha=0.9))  # α, too, is changed on the way
+    for f in (live, paper):
+        f.reset()
+    live_rotors, paper_rotors = [], []
+    for i in range(len(samples)):
+        for f, rotors in ((live, live_rotors), (paper, paper_rotors)):
+            if i == 400:
+                f.settings = replace(f.settings, alpha=0.99, alpha_rate=0.0)
+            elif i == 0:
+                f.settings = replace(f.settings, alpha=0.95)
+            f.update_mag(tuple(samples.mag[i].tolist()))
+            dt = 0.0 if i == 0 else (samples.stamps[i] - samples.stamps[i - 1]) * 1e-9
+            gyro, accel = samples.gyro[i].tolist(), samples.accel[i].tolist()
+            rotors.append(f.update_imu(tuple(gyro), tuple(accel), dt))
+    assert live_rotors == paper_rotors
+
+
+def test_each_part_has_a_switch_that_changes_something():
+    samples = samples_of(simulated("tumble", 12.0))
+    seen = [filters.make("stateful").run(samples)]
+    for part in filters.UNLEARNED:
+        seen.append(
+            filters.make("stateful", Settings(**{part: filters.UNLEARNED[part]})).run(samples)
+        )
+    seen[1] = filters.make("stateful", Settings(alpha_heading=0.999)).run(samples)
+    assert all((p != q).any() for p, q in itertools.combinations(seen, 2))
 
 
 @pytest.mark.parametrize("alpha", [-0.1, 1.2, math.nan, math.inf])

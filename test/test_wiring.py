@@ -34,7 +34,8 @@ def test_each_transport_has_its_source():
         ({"transport": "spi"}, "transport must be one of sim, i2c, serial, got 'spi'"),
         ({"i2c_address": 0x0C}, r"i2c_address must be 104 \(0x68\) or, .* 105 \(0x69\), got 12"),
         ({"i2c_bus": -1}, "i2c_bus must be 0 or more, got -1"),
-        ({"baudrate": 0}, "baudrate must be above 0, got 0"),
+        ({"baudrate": 0}, "baudrate must be between 1 and 12000000, got 0"),
+        ({"baudrate": 1 << 32}, "baudrate must be between 1 and 12000000, got 4294967296"),
         ({"protocol": "nmea"}, "protocol must be one of auto, frame, razor, rt_usb, got 'nmea'"),
     ],
 )

@@ -27,11 +27,10 @@ uint32_t lastSample, lastCheck;
 volatile uint32_t takenAt;
 volatile uint16_t taken;
 
-#ifdef ESP32
-void IRAM_ATTR onInterrupt() {
-#else
-void onInterrupt() {
+#ifndef IRAM_ATTR  // of the ESP32: where an interrupt's code must be
+#define IRAM_ATTR
 #endif
+void IRAM_ATTR onInterrupt() {
   takenAt = micros();
   taken++;
 }

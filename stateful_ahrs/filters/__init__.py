@@ -18,9 +18,9 @@ from .fkf import fkf
 from .gdalkf import gdalkf
 from .kalman import Noise, ekf, kalman
 from .kernel import KernelFilter, Report
-from .learning_filter import LearningFilter
 from .samples import Array, Samples
-from .settings import DEFAULTS, Settings
+from .settings import DEFAULTS, Known, Settings
+from .stateful import DISTURBED as DISTURBED
 from .stateful import PRINTED, StatefulFilter, over
 from .unscented import kukf, ukf
 
@@ -58,11 +58,32 @@ class Filter(Protocol):
         """Whether a magnetometer has told north since the start."""
 
     @property
+    def bias(self) -> Vector:
+        """The gyroscope's bias that the filter takes from its rates (rad/s)."""
+
+    @property
+    def known(self) -> Known | None:
+        """What it learned of the sensors; None if it does not learn."""
+
+    @property
+    def stddev(self) -> tuple[float, float] | None:
+        """Standard deviations of tilt and heading (rad), inf for no north; None if unknown."""
+
+    @property
     def report(self) -> Report:
         """What /diagnostics shows."""
 
 
-AS_PUBLISHED: dict[str, Any] = {"normalise": False, "average_start": False}
+UNLEARNED: dict[str, Any] = {
+    "alpha_heading": -1.0,
+    "average_start": False,
+    "low_pass": False,
+    "learn_bias": False,
+    "learn_misalignment": False,
+    "learn_mag": False,
+    "weigh_mag": False,
+}
+AS_PUBLISHED: dict[str, Any] = {**UNLEARNED, "normalise": False}
 OTHERS = {"saam": saam, "fqa": fqa, "markley": markley, "aqua": aqua_snapshot}
 
 # How each filter is made of the user's settings.
@@ -81,8 +102,8 @@ FILTERS: dict[str, Callable[[Settings], Filter]] = {
         )
         for name, snapshot in OTHERS.items()
     },
-    "gyro": partial(StatefulFilter, alpha=1.0, average_start=False),
-    "lerp": partial(KernelFilter, lerp.LERP, average_start=False),
+    "gyro": partial(StatefulFilter, **UNLEARNED, alpha=1.0),
+    "lerp": partial(KernelFilter, lerp.LERP, **UNLEARNED),
     "lerp_as_printed": partial(KernelFilter, lerp.AS_PRINTED),
     "aqua": partial(KernelFilter, aqua.AQUA),
     "aqua_as_printed": partial(KernelFilter, aqua.AS_PRINTED),
@@ -94,7 +115,6 @@ FILTERS: dict[str, Callable[[Settings], Filter]] = {
     "kukf": partial(KernelFilter, kalman(kukf)),
     "fkf": partial(KernelFilter, kalman(fkf, Noise(accel=0.29, mag=0.5))),
     "gdalkf": partial(KernelFilter, kalman(gdalkf, Noise(accel=0.39, mag=0.14))),
-    "learning": LearningFilter,
 }
 
 

@@ -9,11 +9,9 @@ names, so that one step serves a family of filters.
 from __future__ import annotations
 
 import functools
-import hashlib
 import importlib.util
 import math
 import os
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from types import FunctionType, ModuleType
@@ -30,6 +28,9 @@ def _numba() -> ModuleType | None:
     """
     if importlib.util.find_spec("numba") is None:
         return None
+    import hashlib  # not above: nodes, which compile nothing, would wait for them at every start
+    import tempfile
+
     package = Path(__file__).parents[1]
     rooms = (package / "snapshot", package / "filters")
     sources = [package / "rotor.py", *sorted(path for room in rooms for path in room.glob("*.py"))]
@@ -59,19 +60,30 @@ def bind(kernel: Callable[..., Any], **kernels: Callable[..., Any]) -> Callable[
 
 
 @functools.cache
-def compiled(kernel: Callable[..., Any], inline: bool = False) -> Callable[..., Any]:
+def compiled(
+    kernel: Callable[..., Any], inline: bool = False, fused: bool = False
+) -> Callable[..., Any]:
     """The kernel, compiled with all kernels it calls; the kernel itself without numba.
 
     ``inline`` makes one function of all, so that tuples stay in registers. It runs up to twice as
-    fast, and where kernels are long it takes minutes to compile.
+    fast, and where kernels are long it takes minutes to compile. ``fused`` lets a product and a sum
+    be one operation with one rounding: a fifth faster, and 1e-16 off what plain Python makes.
     """
     numba = _numba()
     if numba is None:
         return kernel
-    called = {name: compiled(value, inline) for name, value in kernels_of(kernel).items()}
-    with_compiled = twin(kernel, called, kernel.__qualname__ + "_inline" * inline)
+    called = {name: compiled(value, inline, fused) for name, value in kernels_of(kernel).items()}
+    with_compiled = twin(
+        kernel, called, kernel.__qualname__ + "_inline" * inline + "_fused" * fused
+    )
     # Kernels divide by nothing that can be zero, so numba need not look.
-    jit = numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=inline)
+    jit = numba.njit(
+        cache=True,
+        nogil=True,
+        error_model="numpy",
+        forceinline=inline,
+        fastmath={"contract"} if fused else False,
+    )
     return jit(with_compiled)  # type: ignore[no-any-return]
 
 

@@ -13,7 +13,7 @@ from ..rotor import Rotor, Vector, unit
 from .compiled import run_steps
 from .samples import Array, Samples
 from .senses import Senses
-from .settings import DEFAULTS, Settings
+from .settings import DEFAULTS, Known, Settings
 from .stamps import steps
 
 NO_MAG: Vector = (math.nan, math.nan, math.nan)
@@ -57,8 +57,8 @@ class KernelFilter:
     def __init__(self, kernel: Kernel, settings: Settings = DEFAULTS, **fixed: Any) -> None:
         self._kernel = kernel
         self._fixed = fixed
+        self._state = self._before = kernel.start
         self.settings = settings
-        self._state = kernel.start
         self.reset()
 
     @property
@@ -70,6 +70,10 @@ class KernelFilter:
     def settings(self, settings: Settings) -> None:
         self._settings = replace(settings, **self._fixed)
         self._gains = self._kernel.gains(self._settings)
+        self._changed()
+
+    def _changed(self) -> None:
+        """Take note of new settings."""
 
     def reset(self) -> None:
         """Forget everything but the counts; the next sample starts anew."""
@@ -89,14 +93,17 @@ class KernelFilter:
         """
         self._before = self._state
         self._inputs = (gyro, accel, dt)
-        self._state = self._kernel.step(self._state, self._gains, gyro, accel, self._mag, dt)
+        self._take(self._mag)
         self._mag = NO_MAG
         return self.rotor
 
     def amend_mag(self, mag: Vector) -> None:
         """Take the last step again with its magnetometer sample, which came after it."""
-        if self._inputs is None:  # reset since
-            return
+        if self._inputs is not None:  # none since the reset
+            self._take(mag)
+
+    def _take(self, mag: Vector) -> None:
+        assert self._inputs is not None
         gyro, accel, dt = self._inputs
         self._state = self._kernel.step(self._before, self._gains, gyro, accel, mag, dt)
 
@@ -130,6 +137,21 @@ class KernelFilter:
     def heading_known(self) -> bool:
         """Whether a magnetometer has told north since the start."""
         return bool(self._state.senses.heading_known)
+
+    @property
+    def bias(self) -> Vector:
+        """The gyroscope's bias that the filter takes from its rates (rad/s)."""
+        return (0.0, 0.0, 0.0)
+
+    @property
+    def known(self) -> Known | None:
+        """What it learned of the sensors; None if it does not learn."""
+        return None
+
+    @property
+    def stddev(self) -> tuple[float, float] | None:
+        """Standard deviations of tilt and heading (rad): a filter without a word on them."""
+        return None
 
     @property
     def report(self) -> Report:

@@ -8,22 +8,26 @@ from the known error. So what is learned does not depend on how the fast path is
 
 The magnetometer's delay, a hard iron left over and how far the field can be trusted are learned
 beside it. Everything is in SI units and in time (or in turn of the field), never in samples.
+
+Matrices lie flat, row by row, in a `Memory` that is changed in place: lists of floats live, where
+they are faster than arrays, and arrays where compiled.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
-import numpy as np
-
-from ..rotor import Vector
-from .samples import Array
+from ..rotor import Rotor, Vector
+from .senses import LEVEL, LOW_PASS
+from .settings import NOTHING, Known, Settings
 
 WINDOW = 0.5  # s
 ROWS = 128  # of the log; it takes one row in ROW_TIME
 ROW_TIME = 0.018  # s
 COLUMNS = 14  # rotor 4, gyro 3, accel 3, mag 3, time since the last row
+STATES = 15  # δ 3, b 3, E 9
+LEARNED = 12  # b and E
 
 DEGREE = math.pi / 180.0
 GRAVITY = 9.81  # m/s²: only scales the disturbance of the accelerometer
@@ -33,6 +37,9 @@ TILT_AT_START = 30.0 * DEGREE
 HEADING_AT_START = 90.0 * DEGREE
 BIAS_AT_START = 0.5 * DEGREE  # rad/s
 MISALIGNMENT_AT_START = 0.005
+BIAS_IF_KNOWN = 0.1 * DEGREE  # rad/s, of an earlier run
+MISALIGNMENT_IF_KNOWN = 0.002
+DELAY_IF_KNOWN = 10.0  # rad²/s s: the turning that it took
 # What the sensors do meanwhile.
 ATTITUDE_WALK = (0.2 * DEGREE) ** 2  # rad²/s
 BIAS_WALK = (0.015 * DEGREE) ** 2  # (rad/s)²/s
@@ -43,7 +50,6 @@ REST_ACCEL_NOISE = 0.25  # m/s² rms about the mean
 REST_WINDOWS = 4
 REST_VARIANCE = (0.015 * DEGREE) ** 2  # (rad/s)² s
 # Tilt from the low-passed acceleration.
-LOW_PASS = 2.0  # s
 TILT_VARIANCE = 0.02**2  # rad² of one window
 TILT_PER_MOTION = 0.01  # share of the variance of horizontal acceleration, in g²
 # Heading from the magnetometer.
@@ -70,7 +76,6 @@ CANDIDATE_AGE = 1.0  # s of motion, at least
 OLDEST = 40.0  # s of motion
 REST_COUNTS = 0.05  # of a second in motion
 SWAP_DEVIATION = 5.0 * DEGREE
-STEEPEST = 1e-3  # level part of the field, below which it has no north
 # Hard iron left over, from the norm while the field turns in the sensor frame.
 IRON_AT_START = 0.1  # of the norm
 IRON_NOISE = 0.04  # of the norm, for each radian of turn
@@ -78,6 +83,35 @@ IRON_FORGET = 200.0  # rad
 IRON_FORGET_DISTURBED = 5.0  # rad: another field tells little of the same iron
 IRON_SEEN = 0.05  # of the norm: less than this the room does to the field as well
 IRON_RANGE = 10.0  # of the first norm: a stronger field is another's
+
+
+class Floats(Protocol):
+    """A list of floats, or an array where compiled."""
+
+    def __getitem__(self, index: int, /) -> float: ...
+
+    def __setitem__(self, index: int, value: float, /) -> None: ...
+
+
+class Memory(NamedTuple):
+    """What the slow room keeps, flat and changed in place."""
+
+    log: Floats  # (ROWS, COLUMNS)
+    covariance: Floats  # (15, 15) of δ, b, E (row by row)
+    error: Floats  # (3,) δ that is known and not yet corrected
+    lag: Floats  # (2, 12) how far the low-passed up lags what b and E did
+    iron: Floats  # (4, 5) normal equations of the sphere about the hard iron
+    # For the time of a look back:
+    effect: Floats  # (3, 12) what b and E did to δ in the window
+    shift: Floats  # (3, 12)
+    state: Floats  # (15,)
+    row: Floats  # (15,)
+    cross: Floats  # (15,)
+    free: Floats  # (15,) 0: considered, but not corrected
+    solved: Floats  # (4, 5)
+
+
+SIZES = (ROWS * COLUMNS, 225, 3, 24, 20, 36, 36, 15, 15, 15, 15, 20)
 
 
 class Learned(NamedTuple):
@@ -98,363 +132,547 @@ class Learned(NamedTuple):
 
 
 class Field(NamedTuple):
-    """What the slow room remembers of the magnetometer. Arrays are never changed in place."""
+    """What is remembered of the magnetometer."""
 
-    time: float  # s with a magnetometer
-    unit: float  # the first norm
-    norm: float  # smoothed
-    dip: float  # its sine, smoothed
-    norm_reference: float
-    dip_reference: float
-    reference_age: float  # s of motion
-    norm_candidate: float
-    dip_candidate: float
-    candidate_age: float  # s of motion
-    looks: float  # rad that the trusted field turned in the sensor frame
-    swaps: int  # how often the candidate took the place of the reference
-    delay_sums: Array  # (9,) field 3, its rate 3, rate², samples, time
-    delay_moment: float  # their quotient is the delay
-    delay_weight: float
-    iron: Array  # (4, 5) normal equations of the sphere about the hard iron
+    time: float = 0.0  # s with a magnetometer
+    norm: float = 0.0  # smoothed
+    dip: float = 0.0  # its sine, smoothed
+    norm_reference: float = 0.0
+    dip_reference: float = 0.0
+    reference_age: float = 0.0  # s of motion
+    norm_candidate: float = 0.0
+    dip_candidate: float = 0.0
+    candidate_age: float = 0.0  # s of motion
+    looks: float = 0.0  # rad that the trusted field turned in the sensor frame
+
+
+UNSEEN = Field()
+
+
+class Delay(NamedTuple):
+    """Sums of a block, and the quotient of all blocks."""
+
+    field: Vector = (0.0, 0.0, 0.0)
+    rate: Vector = (0.0, 0.0, 0.0)
+    square: float = 0.0
+    rows: float = 0.0
+    time: float = 0.0
+    moment: float = 0.0  # over weight, it is the delay
+    weight: float = 1.0
 
 
 class Room(NamedTuple):
-    """What the slow room free for itself. Arrays are never changed in place."""
+    """What the slow room remembers beside its `Memory`."""
 
-    elapsed: float  # s
-    covariance: Array  # (15, 15) of δ, b, E (row-major)
-    error: Array  # (3,) δ that is known and not yet corrected
-    lag: Array  # (2, 12) how far the low-passed up lags what b and E did
-    rest_windows: int
-    field: Field
-
-
-def unknown_field() -> Field:
-    """No magnetometer sample seen."""
-    return Field(
-        0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0,
-        np.zeros(9), 0.0, 1.0, np.zeros((4, 5)),
-    )  # fmt: skip
+    elapsed: float = 0.0  # s
+    rest_windows: int = 0
+    unit: float = 0.0  # the first norm of the field
+    iron_known: Vector = (0.0, 0.0, 0.0)  # from which hard iron is sought
+    swaps: int = 0  # how often a candidate took the place of the reference
+    field: Field = Field()
+    delay: Delay = Delay()
 
 
-def fresh_room() -> Room:
-    """Nothing known."""
-    variances = np.empty(15)
-    variances[0:2] = TILT_AT_START**2
-    variances[2] = HEADING_AT_START**2
-    variances[3:6] = BIAS_AT_START**2
-    variances[6:15] = MISALIGNMENT_AT_START**2
-    return Room(0.0, np.diag(variances), np.zeros(3), np.zeros((2, 12)), 0, unknown_field())
+class Chosen(NamedTuple):
+    """The settings as the slow room takes them."""
+
+    bias: bool
+    misalignment: bool
+    mag: bool
+    weigh: bool
 
 
-def start_anew(room: Room, learned: Learned) -> tuple[Room, Learned]:
-    """A new start with the same sensor: attitude and field unknown, calibration kept."""
-    covariance = room.covariance.copy()
-    covariance[:3, :] = 0.0
-    covariance[:, :3] = 0.0
-    covariance[0, 0] = covariance[1, 1] = TILT_AT_START**2
-    covariance[2, 2] = HEADING_AT_START**2
-    old = room.field
-    field = Field(
-        0.0, old.unit, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, old.swaps,
-        np.zeros(9), old.delay_moment, old.delay_weight, old.iron,
-    )  # fmt: skip
-    room = Room(0.0, covariance, np.zeros(3), np.zeros((2, 12)), 0, field)
+class Window(NamedTuple):
+    """What the fast path did since the last look back."""
+
+    rows: int  # of the log
+    up: Vector  # low-passed specific force, earth frame
+    applied: Vector  # corrections, rad, earth frame
+    tilt_rate: float  # 1/s: how fast it corrects
+    heading_rate: float  # 1/s: likewise, of a field wholly trusted; negative: as it is told
+    starting: bool
+
+
+def memory() -> Memory:
+    """Nothing known yet."""
+    return Memory(*([0.0] * size for size in SIZES))
+
+
+def chosen(settings: Settings) -> Chosen:
+    """The settings as the slow room takes them."""
+    return Chosen(
+        settings.learn_bias, settings.learn_misalignment, settings.learn_mag, settings.weigh_mag
+    )
+
+
+def begin(memory: Memory, known: Known) -> tuple[Room, Learned]:
+    """Forget everything but what an earlier run learned."""
+    for part, size in zip(memory, SIZES, strict=True):
+        for at in range(size):
+            part[at] = 0.0
+    bias = BIAS_AT_START if known.bias == NOTHING.bias else BIAS_IF_KNOWN
+    spread = MISALIGNMENT_AT_START
+    if known.misalignment != NOTHING.misalignment:
+        spread = MISALIGNMENT_IF_KNOWN
+    forget_attitude(memory)
+    for at in range(3, STATES):
+        memory.covariance[16 * at] = bias**2 if at < 6 else spread**2
+    (a, b, c), (d, e, f), (g, h, i) = known.misalignment
+    delay = Delay()
+    if known.mag_delay != 0.0:
+        delay = Delay(moment=known.mag_delay * DELAY_IF_KNOWN, weight=DELAY_IF_KNOWN)
     learned = Learned(
-        learned.bias, learned.row_x, learned.row_y, learned.row_z,
-        learned.delay, learned.hard_iron, 1.0, 0.0, (0.0, 0.0, 0.0),
-        HEADING_AT_START**2, TILT_AT_START**2, False,
+        known.bias, (1.0 + a, b, c), (d, 1.0 + e, f), (g, h, 1.0 + i), known.mag_delay,
+        known.hard_iron,
+    )  # fmt: skip
+    return Room(iron_known=known.hard_iron, delay=delay), learned
+
+
+def forget_attitude(memory: Memory) -> None:
+    """Tilt and heading are unknown, and nothing correlates with them."""
+    covariance = memory.covariance
+    for i in range(3):
+        for j in range(STATES):
+            covariance[STATES * i + j] = covariance[STATES * j + i] = 0.0
+        memory.error[i] = 0.0
+    covariance[0] = covariance[16] = TILT_AT_START**2
+    covariance[32] = HEADING_AT_START**2
+    for i in range(24):
+        memory.lag[i] = 0.0
+
+
+def start_anew(memory: Memory, room: Room, learned: Learned) -> tuple[Room, Learned]:
+    """A new start with the same sensor: attitude and field unknown, calibration kept."""
+    forget_attitude(memory)
+    _, _, unit, iron_known, swaps, _, delay = room
+    zero = (0.0, 0.0, 0.0)
+    delay = Delay(zero, zero, 0.0, 0.0, 0.0, delay.moment, delay.weight)
+    room = Room(0.0, 0, unit, iron_known, swaps, UNSEEN, delay)
+    learned = Learned(
+        learned.bias, learned.row_x, learned.row_y, learned.row_z, learned.delay,
+        learned.hard_iron, 1.0, 0.0, zero, HEADING_AT_START**2, TILT_AT_START**2, False,
     )  # fmt: skip
     return room, learned
 
 
-def first_heading(room: Room, applied: Vector) -> Room:
+def first_heading(memory: Memory, applied: Vector) -> None:
     """The fast path took its first heading whole: what was known of another one is void."""
-    covariance = room.covariance.copy()
-    covariance[2, :] = 0.0
-    covariance[:, 2] = 0.0
-    covariance[2, 2] = HEADING_AT_START**2
-    error = room.error.copy()
-    error[0] -= applied[0]
-    error[1] -= applied[1]
-    error[2] = 0.0
-    return Room(room.elapsed, covariance, error, room.lag, room.rest_windows, room.field)
+    forget_heading(memory, HEADING_AT_START**2)
+    memory.error[0] -= applied[0]
+    memory.error[1] -= applied[1]
+    memory.error[2] = 0.0
 
 
-def measure(
-    state: Array, covariance: Array, row: Array, variance: float, value: float, free: Array
-) -> tuple[Array, Array, float]:
-    """One scalar Kalman update; where ``free`` is 0 a state is considered, but not corrected.
-
-    Returns the state, the covariance and 1 / (variance of the innovation).
-    """
-    cross = covariance @ row
-    scale = 1.0 / float(row @ cross + variance)
-    kept = (1.0 - free) * cross
-    state = state + (scale * (value - row @ state)) * (free * cross)
-    covariance = covariance - scale * (cross.reshape(15, 1) * cross - kept.reshape(15, 1) * kept)
-    return state, covariance, scale
+def forget_heading(memory: Memory, variance: float) -> None:
+    """Heading has this variance (rad²), and nothing correlates with it."""
+    covariance = memory.covariance
+    for j in range(STATES):
+        covariance[STATES * 2 + j] = covariance[STATES * j + 2] = 0.0
+    covariance[32] = variance
 
 
-def learn(
-    room: Room,
-    learned: Learned,
-    log: Array,
-    rows: int,
-    up: Vector,
-    applied: Vector,
-    tilt_rate: float,
-    starting: bool,
-    learns_gyro: bool,
-    learns_mag: bool,
-) -> tuple[Room, Learned]:
-    """Look back on a window of ``rows`` rows of the log.
+def measure(memory: Memory, variance: float, value: float) -> float:
+    """One scalar Kalman update with ``memory.row``; returns 1 / (variance of the innovation)."""
+    state, covariance, row = memory.state, memory.covariance, memory.row
+    cross, free = memory.cross, memory.free
+    for i in range(STATES):
+        cross[i] = 0.0
+    for j in range(STATES):
+        r = row[j]
+        if r != 0.0:
+            at = STATES * j
+            for i in range(STATES):
+                cross[i] += r * covariance[at + i]
+    for j in range(STATES):
+        variance += row[j] * cross[j]
+        value -= row[j] * state[j]
+    scale = 1.0 / variance
+    root = math.sqrt(scale)
+    value *= root
+    for i in range(STATES):
+        cross[i] *= root
+        state[i] += value * free[i] * cross[i]
+    for i in range(STATES):
+        at, c = STATES * i, cross[i]
+        if free[i] > 0.0:
+            for j in range(STATES):
+                covariance[at + j] -= c * cross[j]
+        else:
+            for j in range(STATES):
+                covariance[at + j] -= c * free[j] * cross[j]
+    return scale
 
-    ``up`` is the low-passed acceleration in the earth frame, ``applied`` what the fast path
-    corrected in the window (rad, earth frame), ``tilt_rate`` (1/s) the fastest that it corrects.
-    """
-    turn = np.empty((rows, 9))  # sensor → earth, row by row
-    moved = np.empty((rows, 3))  # rad: the gyroscope's, less the bias
+
+class Sums(NamedTuple):
+    """What a window was like."""
+
+    time: float  # s
+    rate: Vector  # mean, rad/s, as measured
+    rate_noise: float  # mean square about it
+    accel_noise: float  # likewise, (m/s²)²
+    motion: float  # mean square of the level acceleration about the low-passed, (m/s²)²
+    heard: int  # rows with a magnetometer sample
+    field: Vector  # mean, earth frame
+    field_rate: Vector  # of ω × m, likewise
+    field_rate_square: float  # mean |ω × m|²
+    unit: float  # first norm of the field
+    largest: float  # |m|² in that unit
+    sphere: tuple[
+        float,
+        float,
+        float,
+        float,
+        float,
+        float,
+        float,
+        float,
+        float,
+        float,
+        float,
+        float,
+        float,
+    ]  # sums in that unit: m mᵀ 6, m 3, |m|² m 3, |m|²
+
+
+def gather(memory: Memory, rows: int, up: Vector, learned: Learned, room: Room) -> Sums:
+    """Read the log: what the window was like, and into ``memory.effect`` what b and E did."""
+    log, effect = memory.log, memory.effect
     bx, by, bz = learned.bias
+    rx, ry, rz = learned.row_x, learned.row_y, learned.row_z
+    hx, hy, hz = learned.hard_iron
+    kx, ky, kz = room.iron_known
+    unit = room.unit
+    per_unit = 1.0 / unit if unit > 0.0 else 0.0
+    for i in range(3 * LEARNED):
+        effect[i] = 0.0
+    time = 0.0
     rate_x = rate_y = rate_z = rate_square = 0.0
-    accel_x = accel_y = accel_z = accel_square = 0.0
-    motion = 0.0
+    accel_x = accel_y = accel_z = accel_square = motion = 0.0
+    count = 0
+    fx = fy = fz = dx = dy = dz = square = largest = 0.0
+    sxx = sxy = sxz = syy = syz = szz = sx = sy = sz = qx = qy = qz = qq = 0.0
     for k in range(rows):
-        w, x, y, z = log[k, 0], log[k, 1], log[k, 2], log[k, 3]
-        gx, gy, gz = log[k, 4], log[k, 5], log[k, 6]
-        ax, ay, az = log[k, 7], log[k, 8], log[k, 9]
-        xx, xy, xz = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)
-        yx, yy, yz = 2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)
-        turn[k, 0], turn[k, 1], turn[k, 2] = xx, xy, xz
-        turn[k, 3], turn[k, 4], turn[k, 5] = yx, yy, yz
-        turn[k, 6], turn[k, 7] = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x)
-        turn[k, 8] = 1.0 - 2.0 * (x * x + y * y)
-        span = log[k, 13]
-        moved[k, 0], moved[k, 1], moved[k, 2] = (gx - bx) * span, (gy - by) * span, (gz - bz) * span
+        at = COLUMNS * k
+        turn = matrix((log[at], log[at + 1], log[at + 2], log[at + 3]))
+        gx, gy, gz = log[at + 4], log[at + 5], log[at + 6]
+        ax, ay, az = log[at + 7], log[at + 8], log[at + 9]
+        mx, my, mz = log[at + 10], log[at + 11], log[at + 12]
+        span = log[at + 13]
+        time += span
+        ux, uy, uz = gx - bx, gy - by, gz - bz
+        moved_x, moved_y, moved_z = ux * span, uy * span, uz * span
+        for i in range(3):
+            for j in range(3):
+                r = turn[3 * i + j]
+                to = LEARNED * i + j
+                effect[to] -= span * r
+                to += 3 + 2 * j
+                effect[to] += r * moved_x
+                effect[to + 1] += r * moved_y
+                effect[to + 2] += r * moved_z
         rate_x, rate_y, rate_z = rate_x + gx, rate_y + gy, rate_z + gz
         rate_square += gx * gx + gy * gy + gz * gz
         accel_x, accel_y, accel_z = accel_x + ax, accel_y + ay, accel_z + az
         accel_square += ax * ax + ay * ay + az * az
-        east_x = xx * ax + xy * ay + xz * az - up[0]
-        east_y = yx * ax + yy * ay + yz * az - up[1]
-        motion += east_x * east_x + east_y * east_y
-    spans = log[:rows, 13].copy()
-    time = float(spans.sum())
+        level_x = turn[0] * ax + turn[1] * ay + turn[2] * az - up[0]
+        level_y = turn[3] * ax + turn[4] * ay + turn[5] * az - up[1]
+        motion += level_x * level_x + level_y * level_y
+        if mx == mx:
+            count += 1
+            wx = rx[0] * ux + rx[1] * uy + rx[2] * uz
+            wy = ry[0] * ux + ry[1] * uy + ry[2] * uz
+            wz = rz[0] * ux + rz[1] * uy + rz[2] * uz
+            ix, iy, iz = mx - hx, my - hy, mz - hz
+            cx, cy, cz = wy * iz - wz * iy, wz * ix - wx * iz, wx * iy - wy * ix
+            fx += turn[0] * ix + turn[1] * iy + turn[2] * iz
+            fy += turn[3] * ix + turn[4] * iy + turn[5] * iz
+            fz += turn[6] * ix + turn[7] * iy + turn[8] * iz
+            dx += turn[0] * cx + turn[1] * cy + turn[2] * cz
+            dy += turn[3] * cx + turn[4] * cy + turn[5] * cz
+            dz += turn[6] * cx + turn[7] * cy + turn[8] * cz
+            square += cx * cx + cy * cy + cz * cz
+            mx, my, mz = mx - kx, my - ky, mz - kz
+            if unit == 0.0:
+                unit = math.sqrt(mx * mx + my * my + mz * mz) + 1e-30
+                per_unit = 1.0 / unit
+            mx, my, mz = mx * per_unit, my * per_unit, mz * per_unit
+            mm = mx * mx + my * my + mz * mz
+            largest = max(largest, mm)
+            sxx, sxy, sxz = sxx + mx * mx, sxy + mx * my, sxz + mx * mz
+            syy, syz, szz = syy + my * my, syz + my * mz, szz + mz * mz
+            sx, sy, sz, qq = sx + mx, sy + my, sz + mz, qq + mm
+            qx, qy, qz = qx + mm * mx, qy + mm * my, qz + mm * mz
+    each = 1.0 / rows
+    rate_x, rate_y, rate_z = rate_x * each, rate_y * each, rate_z * each
+    accel_x, accel_y, accel_z = accel_x * each, accel_y * each, accel_z * each
+    heard = 1.0 / max(count, 1)
+    return Sums(
+        time,
+        (rate_x, rate_y, rate_z),
+        rate_square * each - (rate_x * rate_x + rate_y * rate_y + rate_z * rate_z),
+        accel_square * each - (accel_x * accel_x + accel_y * accel_y + accel_z * accel_z),
+        motion * each,
+        count,
+        (fx * heard, fy * heard, fz * heard),
+        (dx * heard, dy * heard, dz * heard),
+        square * heard,
+        unit,
+        largest,
+        (sxx, sxy, sxz, syy, syz, szz, sx, sy, sz, qx, qy, qz, qq),
+    )
+
+
+def matrix(
+    q: Rotor,
+) -> tuple[float, float, float, float, float, float, float, float, float]:
+    """Sensor → earth, row by row, of a unit rotor."""
+    w, x, y, z = q
+    return (
+        1.0 - 2.0 * (y * y + z * z),
+        2.0 * (x * y - w * z),
+        2.0 * (x * z + w * y),
+        2.0 * (x * y + w * z),
+        1.0 - 2.0 * (x * x + z * z),
+        2.0 * (y * z - w * x),
+        2.0 * (x * z - w * y),
+        2.0 * (y * z + w * x),
+        1.0 - 2.0 * (x * x + y * y),
+    )
+
+
+def propagate(memory: Memory, time: float) -> None:
+    """Let the covariance of δ grow by what b and E did in ``time`` s."""
+    covariance, effect, shift = memory.covariance, memory.effect, memory.shift
+    for i in range(3):
+        to = LEARNED * i
+        for j in range(LEARNED):
+            shift[to + j] = 0.0
+        for k in range(LEARNED):
+            e = effect[to + k]
+            at = STATES * (k + 3) + 3
+            for j in range(LEARNED):
+                shift[to + j] += e * covariance[at + j]
+    for i in range(3):
+        for j in range(i, 3):
+            total = covariance[STATES * i + j]
+            for k in range(LEARNED):
+                e, f = effect[LEARNED * i + k], effect[LEARNED * j + k]
+                total += e * covariance[STATES * j + k + 3] + f * covariance[STATES * i + k + 3]
+                total += shift[LEARNED * i + k] * f
+            covariance[STATES * i + j] = covariance[STATES * j + i] = total
+    for i in range(3):
+        for k in range(LEARNED):
+            total = covariance[STATES * i + k + 3] + shift[LEARNED * i + k]
+            covariance[STATES * i + k + 3] = covariance[STATES * (k + 3) + i] = total
+        covariance[16 * i] += ATTITUDE_WALK * time
+        covariance[16 * (i + 3)] += BIAS_WALK * time
+
+
+def learn(
+    memory: Memory, room: Room, learned: Learned, window: Window, chosen: Chosen
+) -> tuple[Room, Learned]:
+    """Look back on a window."""
+    up, applied = window.up, window.applied
+    sums = gather(memory, window.rows, up, learned, room)
+    time = sums.time
     elapsed = room.elapsed + time
     settling = 1.0 + (SETTLING / elapsed) ** 2
+    state, effect, lag, row, free = (
+        memory.state, memory.effect, memory.lag, memory.row, memory.free,
+    )  # fmt: skip
 
-    # What b and E did to δ in the window.
-    effect = np.empty((3, 12))
-    effect[:, :3] = -(spans @ turn).reshape(3, 3)
-    effect[:, 3:] = (turn.T @ moved).reshape(3, 9)
-    covariance = room.covariance.copy()
-    parameters = covariance[3:, 3:].copy()
-    shift = effect @ parameters
-    through = effect @ covariance[3:, :3].copy()
-    covariance[:3, :3] += through + through.T + shift @ effect.T
-    covariance[:3, 3:] += shift
-    covariance[3:, :3] = covariance[:3, 3:].T
+    propagate(memory, time)
+    for i in range(STATES):
+        state[i] = row[i] = 0.0
+        free[i] = 1.0
     for i in range(3):
-        covariance[i, i] += ATTITUDE_WALK * time
-        covariance[i + 3, i + 3] += BIAS_WALK * time
-    state = np.zeros(15)
-    for i in range(3):
-        state[i] = room.error[i] - applied[i]
-    before = state[:3].copy()
-    free = np.ones(15)
-    if not learns_gyro:
-        free[6:] = 0.0
-    row = np.zeros(15)
+        state[i] = memory.error[i] - applied[i]
+        if not chosen.bias:
+            free[i + 3] = 0.0
+    if not chosen.misalignment:
+        for i in range(6, STATES):
+            free[i] = 0.0
+    x0, y0, z0 = state[0], state[1], state[2]
 
     # Rest: the gyroscope reads its bias.
-    means = (rate_x / rows, rate_y / rows, rate_z / rows)
-    rate_noise = rate_square / rows - (means[0] ** 2 + means[1] ** 2 + means[2] ** 2)
-    shake = (accel_square - (accel_x**2 + accel_y**2 + accel_z**2) / rows) / rows
+    rate = sums.rate
     rest_windows = 0
     if (
-        rate_noise < REST_RATE_NOISE**2
-        and shake < REST_ACCEL_NOISE**2
-        and max(abs(means[0]), abs(means[1]), abs(means[2])) < REST_RATE
+        sums.rate_noise < REST_RATE_NOISE**2
+        and sums.accel_noise < REST_ACCEL_NOISE**2
+        and max(abs(rate[0]), abs(rate[1]), abs(rate[2])) < REST_RATE
     ):
         rest_windows = room.rest_windows + 1
     resting = rest_windows >= REST_WINDOWS
-    if resting:
+    if resting and chosen.bias:
         for i in range(3):
-            row[:] = 0.0
             row[3 + i] = 1.0
-            state, covariance, _ = measure(
-                state, covariance, row, REST_VARIANCE / time, means[i] - learned.bias[i], free
-            )
+            measure(memory, REST_VARIANCE / time, rate[i] - learned.bias[i])
+            row[3 + i] = 0.0
 
     # Tilt: the low-passed up should be vertical.
     fade = math.exp(-time / LOW_PASS)
-    lag = fade * room.lag + (LOW_PASS / time) * (1.0 - fade) * effect[:2]
-    length = math.sqrt(up[0] ** 2 + up[1] ** 2 + up[2] ** 2) + 1e-12
-    motion *= 0.5 / (rows * GRAVITY**2)
+    fill = (LOW_PASS / time) * (1.0 - fade)
+    for i in range(2 * LEARNED):
+        lag[i] = fade * lag[i] + fill * effect[i]
+    length = math.sqrt(up[0] * up[0] + up[1] * up[1] + up[2] * up[2]) + 1e-12
+    motion = 0.5 * sums.motion / GRAVITY**2
     variance = (TILT_VARIANCE + TILT_PER_MOTION * motion) * settling
-    own = np.zeros(3)
-    leaning = (up[1] / length, -up[0] / length)
-    for i in range(2):
-        row[:] = 0.0
-        row[i] = 1.0
-        row[3:] = -lag[i]
-        was = state[i]
-        state, covariance, _ = measure(state, covariance, row, variance, leaning[i], free)
-        own[i] = state[i] - was
+    x1 = state[0]
+    row[0] = 1.0
+    for k in range(LEARNED):
+        row[3 + k] = -lag[k]
+    measure(memory, variance, up[1] / length)
+    x2, y2 = state[0], state[1]
+    row[0], row[1] = 0.0, 1.0
+    for k in range(LEARNED):
+        row[3 + k] = -lag[LEARNED + k]
+    measure(memory, variance, -up[0] / length)
+    own_x, own_y = x2 - x1, state[1] - y2
 
-    (field, trust, delay, hard_iron, heading_rate, state, covariance, heading_own) = hear(
-        room.field,
-        learned,
-        log,
-        turn,
-        time,
-        effect,
-        settling,
-        tilt_rate,
-        starting,
-        state,
-        covariance,
-        free,
-        learns_mag,
+    own_z = 0.0
+    if sums.heard > 0:
+        room, learned, own_z = hear(memory, room, learned, sums, window, settling, chosen)
+    else:
+        learned = told(learned, learned.delay, learned.hard_iron, learned.trust, 0.0)
+    for i in range(3):
+        memory.error[i] = state[i]
+    drift = (
+        (state[0] - x0 - own_x) / WINDOW,
+        (state[1] - y0 - own_y) / WINDOW,
+        (state[2] - z0 - own_z) / WINDOW,
     )
-    own[2] = heading_own
-
-    drift = (state[:3] - before - own) / WINDOW
-    rx, ry, rz = learned.row_x, learned.row_y, learned.row_z
-    room = Room(elapsed, covariance, state[:3].copy(), lag, rest_windows, field)
+    room = Room(
+        elapsed, rest_windows, sums.unit, room.iron_known, room.swaps, room.field, room.delay
+    )
+    covariance = memory.covariance
+    bias, rx, ry, rz = learned.bias, learned.row_x, learned.row_y, learned.row_z
     learned = Learned(
-        (
-            float(learned.bias[0] + state[3]),
-            float(learned.bias[1] + state[4]),
-            float(learned.bias[2] + state[5]),
-        ),
-        (float(rx[0] + state[6]), float(rx[1] + state[7]), float(rx[2] + state[8])),
-        (float(ry[0] + state[9]), float(ry[1] + state[10]), float(ry[2] + state[11])),
-        (float(rz[0] + state[12]), float(rz[1] + state[13]), float(rz[2] + state[14])),
-        float(delay),
-        (float(hard_iron[0]), float(hard_iron[1]), float(hard_iron[2])),
-        float(trust),
-        float(heading_rate),
-        (float(drift[0]), float(drift[1]), float(drift[2])),
-        float(covariance[2, 2] + state[2] ** 2),
-        float(0.5 * (covariance[0, 0] + covariance[1, 1] + state[0] ** 2 + state[1] ** 2)),
-        bool(resting),
+        (bias[0] + state[3], bias[1] + state[4], bias[2] + state[5]),
+        (rx[0] + state[6], rx[1] + state[7], rx[2] + state[8]),
+        (ry[0] + state[9], ry[1] + state[10], ry[2] + state[11]),
+        (rz[0] + state[12], rz[1] + state[13], rz[2] + state[14]),
+        learned.delay,
+        learned.hard_iron,
+        learned.trust,
+        learned.heading_rate,
+        drift,
+        covariance[32] + state[2] * state[2],
+        0.5 * (covariance[0] + covariance[16] + state[0] * state[0] + state[1] * state[1]),
+        resting,
     )
     return room, learned
 
 
+def told(
+    learned: Learned, delay: float, hard_iron: Vector, trust: float, heading_rate: float
+) -> Learned:
+    """What was learned, with the magnetometer's part anew."""
+    return Learned(
+        learned.bias, learned.row_x, learned.row_y, learned.row_z, delay, hard_iron, trust,
+        heading_rate, learned.drift, learned.heading_variance, learned.tilt_variance,
+        learned.resting,
+    )  # fmt: skip
+
+
+def delay_of(delay: Delay, sums: Sums, trust: float) -> Delay:
+    """The field stands still in the earth frame, so what moves with R(ω×m) is delay."""
+    n, time = sums.heard, sums.time
+    fx, fy, fz = sums.field
+    rx, ry, rz = sums.field_rate
+    fx, fy, fz = delay.field[0] + fx * n, delay.field[1] + fy * n, delay.field[2] + fz * n
+    rx, ry, rz = delay.rate[0] + rx * n, delay.rate[1] + ry * n, delay.rate[2] + rz * n
+    square = delay.square + sums.field_rate_square * n
+    count, time = delay.rows + n, delay.time + time
+    moment, weight = delay.moment, delay.weight
+    if time < DELAY_BLOCK - 0.01:
+        return Delay((fx, fy, fz), (rx, ry, rz), square, count, time, moment, weight)
+    scale = time * trust * count / (fx * fx + fy * fy + fz * fz + 1e-30)
+    moment -= scale * (fx * rx + fy * ry + fz * rz) / count
+    weight += scale * (square - (rx * rx + ry * ry + rz * rz) / count)
+    return Delay((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, moment, weight)
+
+
+def hard_iron_of(
+    memory: Memory, sums: Sums, turned: float, trust: float, known: Vector, last: Vector
+) -> Vector:
+    """Hard iron from the norm: |m|² = 2 m·h + const on a sphere about h."""
+    if not sums.largest < IRON_RANGE**2:
+        return last
+    iron, solved = memory.iron, memory.solved
+    weight = min(1.0, turned) / (sums.heard * (2.0 * IRON_NOISE) ** 2)
+    fade = math.exp(-turned * (trust / IRON_FORGET + (1.0 - trust) / IRON_FORGET_DISTURBED))
+    sxx, sxy, sxz, syy, syz, szz, sx, sy, sz, qx, qy, qz, qq = sums.sphere
+    rows = (
+        (4.0 * sxx, 4.0 * sxy, 4.0 * sxz, 2.0 * sx, 2.0 * qx),
+        (4.0 * sxy, 4.0 * syy, 4.0 * syz, 2.0 * sy, 2.0 * qy),
+        (4.0 * sxz, 4.0 * syz, 4.0 * szz, 2.0 * sz, 2.0 * qz),
+        (2.0 * sx, 2.0 * sy, 2.0 * sz, float(sums.heard), qq),
+    )
+    for i in range(4):
+        for j in range(5):
+            iron[5 * i + j] = fade * iron[5 * i + j] + weight * rows[i][j]
+            solved[5 * i + j] = iron[5 * i + j]
+        solved[6 * i] += 1.0 / IRON_AT_START**2 if i < 3 else 1e-6
+    x, y, z = solve(solved)
+    size = x * x + y * y + z * z
+    kept = sums.unit * max(0.0, 1.0 - IRON_SEEN**2 / (size + 1e-12))
+    return (known[0] + kept * x, known[1] + kept * y, known[2] + kept * z)
+
+
+def solve(system: Floats) -> Vector:
+    """The first three unknowns of four symmetric positive equations (4, 5), which it consumes."""
+    for i in range(4):
+        for j in range(i + 1, 4):
+            part = system[5 * j + i] / system[6 * i]
+            for k in range(i, 5):
+                system[5 * j + k] -= part * system[5 * i + k]
+    w = system[19] / system[18]
+    z = (system[14] - system[13] * w) / system[12]
+    y = (system[9] - system[7] * z - system[8] * w) / system[6]
+    return (system[4] - system[1] * y - system[2] * z - system[3] * w) / system[0], y, z
+
+
 def hear(
-    field: Field,
+    memory: Memory,
+    room: Room,
     learned: Learned,
-    log: Array,
-    turn: Array,
-    time: float,
-    effect: Array,
+    sums: Sums,
+    window: Window,
     settling: float,
-    tilt_rate: float,
-    starting: bool,
-    state: Array,
-    covariance: Array,
-    free: Array,
-    learns_mag: bool,
-) -> tuple[Field, float, float, Vector, float, Array, Array, float]:
+    chosen: Chosen,
+) -> tuple[Room, Learned, float]:
     """The magnetometer's part: delay, hard iron, trust and heading.
 
-    Returns the field, trust, delay, hard iron, the rate for the fast path (1/s), state,
-    covariance, and what of the heading error the fast path will correct by itself.
+    Also returns what of the heading error the fast path will correct by itself.
     """
-    bx, by, bz = learned.bias
-    rx, ry, rz = learned.row_x, learned.row_y, learned.row_z
-    iron = learned.hard_iron
-    mean = np.zeros(3)  # earth frame
-    rate = np.zeros(3)
-    square = 0.0
-    count = 0
-    for k in range(len(turn)):
-        if log[k, 10] == log[k, 10]:
-            count += 1
-            ux, uy, uz = log[k, 4] - bx, log[k, 5] - by, log[k, 6] - bz
-            wx = rx[0] * ux + rx[1] * uy + rx[2] * uz
-            wy = ry[0] * ux + ry[1] * uy + ry[2] * uz
-            wz = rz[0] * ux + rz[1] * uy + rz[2] * uz
-            mx, my, mz = log[k, 10] - iron[0], log[k, 11] - iron[1], log[k, 12] - iron[2]
-            cx, cy, cz = wy * mz - wz * my, wz * mx - wx * mz, wx * my - wy * mx
-            for i in range(3):
-                r0, r1, r2 = turn[k, 3 * i], turn[k, 3 * i + 1], turn[k, 3 * i + 2]
-                mean[i] += r0 * mx + r1 * my + r2 * mz
-                rate[i] += r0 * cx + r1 * cy + r2 * cz
-            square += cx * cx + cy * cy + cz * cz
-    if count == 0:
-        return field, learned.trust, learned.delay, iron, 0.0, state, covariance, 0.0
-    mean /= count
-    rate /= count
-    square /= count
+    time, field = sums.time, room.field
+    delays = delay_of(room.delay, sums, learned.trust)
+    delay, hard_iron = learned.delay, learned.hard_iron
+    if chosen.mag:
+        delay = min(max(delays.moment / delays.weight, DELAY_RANGE[0]), DELAY_RANGE[1])
+    fx, fy, fz = sums.field
+    rx, ry, rz = sums.field_rate
+    fx, fy, fz = fx - delay * rx, fy - delay * ry, fz - delay * rz
+    level = math.sqrt(fx * fx + fy * fy) + 1e-30
+    norm = math.sqrt(level * level + fz * fz)
+    dip = fz / norm
+    turned = math.sqrt(sums.field_rate_square) / norm * time  # rad, in the sensor frame
+    if chosen.mag:
+        hard_iron = hard_iron_of(
+            memory, sums, turned, learned.trust, room.iron_known, learned.hard_iron
+        )
 
-    # Delay: the field stands still in the earth frame, so what moves with R(ω×m) is delay.
-    sums = field.delay_sums.copy()
-    sums[0:3] += mean * count
-    sums[3:6] += rate * count
-    sums[6] += square * count
-    sums[7] += count
-    sums[8] += time
-    moment, weight_of_delay = field.delay_moment, field.delay_weight
-    if sums[8] >= DELAY_BLOCK - 0.01:
-        n = sums[7]
-        square_sum = sums[0] ** 2 + sums[1] ** 2 + sums[2] ** 2
-        scale = sums[8] * learned.trust * n / (square_sum + 1e-30)
-        moment -= scale * (sums[0] * sums[3] + sums[1] * sums[4] + sums[2] * sums[5]) / n
-        weight_of_delay += scale * (sums[6] - (sums[3] ** 2 + sums[4] ** 2 + sums[5] ** 2) / n)
-        sums = np.zeros(9)
-    delay = learned.delay
-    if learns_mag:
-        delay = min(max(moment / weight_of_delay, DELAY_RANGE[0]), DELAY_RANGE[1])
-    mean = mean - delay * rate
-
-    level = math.sqrt(mean[0] ** 2 + mean[1] ** 2) + 1e-30
-    norm = math.sqrt(level**2 + mean[2] ** 2)
-    dip = mean[2] / norm
-    turned = math.sqrt(square) / norm * time  # rad that the field turned in the sensor frame
+    # Trust: the norm and dip of the field are as they were. Ages count time in motion.
     mag_time = field.time + time
-    share = min(1.0, max(1.0 - math.exp(-time / FIELD_SMOOTH), time / mag_time))
     first = field.norm_reference == 0.0
+    share = min(1.0, max(1.0 - math.exp(-time / FIELD_SMOOTH), time / mag_time))
     smooth_norm = field.norm + share * (norm - field.norm)
     smooth_dip = field.dip + share * (dip - field.dip)
     norm_reference = smooth_norm if first else field.norm_reference
     dip_reference = smooth_dip if first else field.dip_reference
     norm_candidate = smooth_norm if first else field.norm_candidate
     dip_candidate = smooth_dip if first else field.dip_candidate
-    norm_unit = norm if field.unit == 0.0 else field.unit
-
-    # Hard iron: |m|² = 2 m·h + const on a sphere about h.
-    normal = field.iron
-    hard_iron = iron
-    sphere = np.ones((count, 5))
-    row_of_sphere = 0
-    for k in range(len(turn)):
-        if log[k, 10] == log[k, 10]:
-            mx, my, mz = log[k, 10] / norm_unit, log[k, 11] / norm_unit, log[k, 12] / norm_unit
-            sphere[row_of_sphere, 0] = 2.0 * mx
-            sphere[row_of_sphere, 1] = 2.0 * my
-            sphere[row_of_sphere, 2] = 2.0 * mz
-            sphere[row_of_sphere, 4] = mx * mx + my * my + mz * mz
-            row_of_sphere += 1
-    if learns_mag and sphere[:, 4].max() < IRON_RANGE**2:
-        weight = min(1.0, turned) / (count * (2.0 * IRON_NOISE) ** 2)
-        forget = learned.trust / IRON_FORGET
-        forget += (1.0 - learned.trust) / IRON_FORGET_DISTURBED
-        normal = math.exp(-turned * forget) * normal + weight * (
-            np.ascontiguousarray(sphere[:, :4].T) @ sphere
-        )
-        matrix = normal[:, :4].copy()
-        for i in range(3):
-            matrix[i, i] += 1.0 / IRON_AT_START**2
-        matrix[3, 3] += 1e-6
-        found = np.linalg.solve(matrix, normal[:, 4].copy())
-        size = found[0] ** 2 + found[1] ** 2 + found[2] ** 2
-        kept = norm_unit * max(0.0, 1.0 - IRON_SEEN**2 / (size + 1e-12))
-        hard_iron = (kept * found[0], kept * found[1], kept * found[2])
-
-    # Trust: the norm and dip of the field are as they were. Ages count time in motion.
     motion = min(turned, time) + REST_COUNTS * time
     apart = ((norm - norm_candidate) / (NORM_SPREAD * norm_candidate)) ** 2
     apart += ((dip - dip_candidate) / DIP_SPREAD) ** 2
@@ -468,21 +686,21 @@ def hear(
     off = ((smooth_norm - norm_reference) / (NORM_SPREAD * norm_reference)) ** 2
     off += ((smooth_dip - dip_reference) / DIP_SPREAD) ** 2
     tried = 1.0 + (UNTRIED / max(field.reference_age, 1e-3)) ** 2
-    trust = 1.0 / (1.0 + min(off / tried, LARGEST_DISTURBANCE))
+    trust = 1.0
+    if chosen.weigh:
+        trust = 1.0 / (1.0 + min(off / tried, LARGEST_DISTURBANCE))
     reference_age = min(field.reference_age + motion * trust, OLDEST)
-    innovation = math.atan2(mean[1], mean[0])
-    looks = field.looks
-    swaps = field.swaps
-    if off > CANDIDATE_FAR and candidate_age >= max(CANDIDATE_AGE, reference_age):
+    innovation = math.atan2(fy, fx)
+    looks, swaps = field.looks, room.swaps
+    other = off > CANDIDATE_FAR and candidate_age >= max(CANDIDATE_AGE, reference_age)
+    if chosen.weigh and other:
         norm_reference = smooth_norm = norm_candidate
         dip_reference = smooth_dip = dip_candidate
         reference_age = candidate_age
         trust = 1.0
         swaps += 1
         looks = 0.0
-        covariance[2, :] = 0.0
-        covariance[:, 2] = 0.0
-        covariance[2, 2] = SWAP_DEVIATION**2 + (innovation + state[2]) ** 2
+        forget_heading(memory, SWAP_DEVIATION**2 + (innovation + memory.state[2]) ** 2)
     else:
         share = trust * max(time / REFERENCE, time / mag_time)
         if mag_time < YOUNG:
@@ -493,30 +711,36 @@ def hear(
 
     # Heading. The magnetometer never moves tilt.
     looks += trust * turned
-    covariance[2, 2] = max(covariance[2, 2], (UNTRIED_HEADING / (1.0 + looks)) ** 2)
+    state, covariance, row, effect = memory.state, memory.covariance, memory.row, memory.effect
+    covariance[32] = max(covariance[32], (UNTRIED_HEADING / (1.0 + looks)) ** 2)
     heading_rate, own = 0.0, 0.0
-    if level > STEEPEST * norm:
-        steep = mean[2] / level
-        row = np.zeros(15)
-        row[0] = steep
-        row[2] = -1.0
-        row[3:] = 0.5 * (effect[2] - steep * effect[0])
+    if level > LEVEL * norm:
+        steep = fz / level
+        row[0], row[1], row[2] = steep, 0.0, -1.0
+        for k in range(LEARNED):
+            row[3 + k] = 0.5 * (effect[2 * LEARNED + k] - steep * effect[k])
+        memory.free[0] = memory.free[1] = 0.0
         variance = HEADING_VARIANCE / (trust * time) * settling
-        if not learns_mag:
-            variance += square * (DELAY_UNKNOWN / level) ** 2
-        free = free.copy()
-        free[0:2] = 0.0
+        if not chosen.mag:
+            variance += sums.field_rate_square * (DELAY_UNKNOWN / level) ** 2
+        toward = covariance[32]
+        for j in range(STATES):
+            if j != 2:
+                toward -= row[j] * covariance[STATES * 2 + j]
         was = state[2]
-        toward = -(covariance[2] @ row)
-        state, covariance, scale = measure(state, covariance, row, variance, innovation, free)
-        gain_here = min(max(toward * scale, 0.0), 0.999)
-        heading_rate = -math.log(1.0 - gain_here) / time
+        scale = measure(memory, variance, innovation)
+        gain = min(max(toward * scale, 0.0), 0.999)
+        heading_rate = -math.log(1.0 - gain) / time
         own = state[2] - was
-        if heading_rate > tilt_rate and not starting:
-            own *= (1.0 - math.exp(-time * tilt_rate)) / gain_here
+        applied = heading_rate
+        if window.heading_rate >= 0.0:
+            applied = trust * window.heading_rate
+        elif not window.starting:
+            applied = min(applied, window.tilt_rate)
+        if applied < heading_rate:
+            own *= (1.0 - math.exp(-time * applied)) / gain
     field = Field(
         mag_time,
-        norm_unit,
         smooth_norm,
         smooth_dip,
         norm_reference,
@@ -526,10 +750,6 @@ def hear(
         dip_candidate,
         candidate_age,
         looks,
-        swaps,
-        sums,
-        moment,
-        weight_of_delay,
-        normal,
     )
-    return field, trust, delay, hard_iron, heading_rate, state, covariance, own
+    room = Room(room.elapsed, room.rest_windows, room.unit, room.iron_known, swaps, field, delays)
+    return room, told(learned, delay, hard_iron, trust, heading_rate), own

@@ -4,6 +4,10 @@
 accelerometer and magnetometer. Nothing that comes in, and nothing that fails to come, stops a
 filter: a rate that is none is held, and where the magnetometer has nothing to say the snapshot
 takes the north that the filter predicts.
+
+Two things make a snapshot better than the samples of one instant, both off in the paper. Up may
+be low-passed, in axes that the gyroscope carries along: there gravity stands still and motion
+averages out. And north may lie anywhere between the predicted one and the measured one.
 """
 
 from __future__ import annotations
@@ -28,6 +32,8 @@ from .settings import NORTH, Settings
 UP: Vector = (0.0, 0.0, 1.0)
 FASTEST = 1e3  # rad/s; no gyroscope measures more
 WEAKEST, STRONGEST = 0.05, 1e4  # m/s²; below is free fall, where noise alone has a direction
+LOW_PASS = 2.0  # s
+LEVEL = 1e-3  # of the field: a smaller level part has no north
 
 
 class Senses(NamedTuple):
@@ -43,6 +49,8 @@ class Senses(NamedTuple):
     gyro_rejected: int = 0
     accel_rejected: int = 0
     mag_rejected: int = 0
+    up: Vector = UP  # low-passed specific force, carried along by the gyroscope, m/s²
+    up_time: float = 0.0  # s that went into it, at most LOW_PASS
 
 
 class Sources(NamedTuple):
@@ -51,21 +59,35 @@ class Sources(NamedTuple):
     use_mag: bool
     mag_timeout: float
     north_at_start: Vector
+    low_pass: bool  # up is the low-passed one
+    keeps_up: bool  # it is at least kept
 
 
 Felt = tuple[Rotor, Vector, int]  # the turn since the last step, its rate, rates rejected so far
 
 
-def sources(settings: Settings) -> Sources:
+def sources(settings: Settings, low_pass: bool = False, keeps_up: bool = False) -> Sources:
     """The settings as `look` takes them."""
-    return Sources(settings.use_mag, float(settings.mag_timeout), settings.north_at_start)
+    return Sources(
+        settings.use_mag,
+        float(settings.mag_timeout),
+        settings.north_at_start,
+        low_pass,
+        keeps_up or low_pass,
+    )
+
+
+def held(senses: Senses, gyro: Vector) -> tuple[Vector, int]:
+    """Rates (rad/s), the last good ones where these are none; and how many were none so far."""
+    if abs(gyro[0]) + abs(gyro[1]) + abs(gyro[2]) < FASTEST:
+        return gyro, senses.gyro_rejected
+    return senses.rate, senses.gyro_rejected + 1
 
 
 def feel(senses: Senses, gyro: Vector, dt: float) -> Felt:
     """Take rates (rad/s), ``dt`` s after the last; those that are none are held (eq. 12)."""
-    if abs(gyro[0]) + abs(gyro[1]) + abs(gyro[2]) < FASTEST:
-        return from_rate(gyro, dt), gyro, senses.gyro_rejected
-    return from_rate(senses.rate, dt), senses.rate, senses.gyro_rejected + 1
+    rate, rejected = held(senses, gyro)
+    return from_rate(rate, dt), rate, rejected
 
 
 def usable(accel: Vector) -> bool:
@@ -74,7 +96,44 @@ def usable(accel: Vector) -> bool:
     return WEAKEST * WEAKEST < square < STRONGEST * STRONGEST
 
 
+def low_passed(
+    senses: Senses, turn: Rotor, accel: Vector, good: bool, dt: float
+) -> tuple[Vector, float]:
+    """The mean of specific force, at first of all samples, in axes that the gyroscope carries."""
+    x, y, z = rotate(conjugate(turn), senses.up)
+    time = senses.up_time
+    if good:
+        s = dt / min(time + dt, LOW_PASS + dt)
+        x, y, z = x + s * (accel[0] - x), y + s * (accel[1] - y), z + s * (accel[2] - z)
+        time = min(time + dt, LOW_PASS)
+    return (x, y, z), time
+
+
 snapshot = dcm  # `bind` puts another in its place
+
+
+def between(predicted: Rotor, up: Vector, field: Vector, share: float) -> Vector:
+    """North in the sensor frame: ``share`` of the measured one, the rest of the predicted one.
+
+    It is level where the prediction is, so that it moves heading alone, and zero where the field
+    has no north. How long the level part of the field is ``up`` tells: it is known before the
+    prediction is, and a processor that need not wait for that root is faster by a tenth.
+    """
+    ux, uy, uz = up
+    fx, fy, fz = field
+    cx, cy, cz = uy * fz - uz * fy, uz * fx - ux * fz, ux * fy - uy * fx
+    across = cx * cx + cy * cy + cz * cz
+    square = ux * ux + uy * uy + uz * uz
+    if not across > LEVEL * LEVEL * square * (fx * fx + fy * fy + fz * fz):
+        return (0.0, 0.0, 0.0)
+    s = share * math.sqrt(square / across)
+    w, x, y, z = predicted
+    ww, xx, yy, zz = w * w, x * x, y * y, z * z
+    nx, ny, nz = ww + xx - yy - zz, 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)
+    wx, wy, wz = 2.0 * (x * y + w * z), ww - xx + yy - zz, 2.0 * (y * z - w * x)
+    north = 1.0 - share + s * (nx * fx + ny * fy + nz * fz)
+    west = s * (wx * fx + wy * fy + wz * fz)
+    return (north * nx + west * wx, north * ny + west * wy, north * nz + west * wz)
 
 
 def look(
@@ -85,11 +144,13 @@ def look(
     mag: Vector,
     predicted: Rotor,
     dt: float,
+    share: float = 1.0,
 ) -> tuple[Senses, bool, bool, bool, Rotor]:
     """The attitude that specific force and magnetic field show; a ``dt`` of 0 starts anew.
 
     ``mag`` is NaN where no new sample came; the last one is carried along by the gyroscope until
-    it is stale. Returns
+    it is stale. ``share`` is how far north is the measured one: 1 in the paper, where it is
+    north wholly; below or above, it is `between`. Returns
 
     - what is remembered from now on;
     - whether there is a snapshot; if not, tilt and heading follow the gyroscope;
@@ -101,38 +162,53 @@ def look(
     starts = dt <= 0.0 or not senses.started
     heading_known = senses.heading_known and dt > 0.0
 
-    carried = rotate(conjugate(turn), senses.mag)
     mag_age = senses.mag_age + dt if dt > 0.0 else math.inf  # it told another time's heading
     fresh = False
     mag_rejected = senses.mag_rejected
     if mag[0] == mag[0] or mag[1] == mag[1] or mag[2] == mag[2]:
-        field = mag[0] * mag[0] + mag[1] * mag[1] + mag[2] * mag[2]
-        fresh = 1e-24 < field < 1e24
+        square = mag[0] * mag[0] + mag[1] * mag[1] + mag[2] * mag[2]
+        fresh = 1e-24 < square < 1e24
         if not fresh:
             mag_rejected += 1
+    field = mag if fresh else rotate(conjugate(turn), senses.mag)
 
     has_up = usable(accel)
+    accel_rejected = senses.accel_rejected
+    if not has_up:
+        accel_rejected += 1
+    up = accel
+    up_kept, up_time = senses.up, 0.0
+    if sources.keeps_up and not starts:
+        up_kept, up_time = low_passed(senses, turn, accel, has_up, dt)
+        if sources.low_pass:
+            up = up_kept
+            has_up = usable(up)
+    elif has_up:
+        up_kept = accel
+
     from_mag, rotor = False, IDENTITY
     if has_up and sources.use_mag and (fresh or mag_age <= sources.mag_timeout):
-        up = accel
-        if not (starts or heading_known):  # the first heading leaves the tilt alone
-            up = rotate(conjugate(unit(predicted)), UP)
-        from_mag, rotor = snapshot(up, mag if fresh else carried)
+        if starts or (heading_known and share == 1.0):
+            from_mag, rotor = snapshot(up, field)
+        elif heading_known:
+            from_mag, rotor = snapshot(up, between(predicted, up, field, share))
+        else:  # the first heading leaves the tilt alone
+            from_mag, rotor = snapshot(rotate(conjugate(unit(predicted)), UP), field)
         if fresh and not from_mag:  # along gravity
             fresh = False
             mag_rejected += 1
+            field = rotate(conjugate(turn), senses.mag)
     begins = starts or (from_mag and not heading_known)
     if fresh:
-        carried = mag
         mag_age = 0.0
     found = from_mag
     if has_up and not found:
         north = sources.north_at_start
         if senses.started:
             north = rotate(conjugate(unit(predicted)), NORTH)
-        found, rotor = dcm(accel, north)
+        found, rotor = dcm(up, north)
         if starts and not found:
-            found, rotor = dcm(accel, UP)
+            found, rotor = dcm(up, UP)
 
     turned = senses.turned
     sign_corrections = senses.sign_corrections
@@ -142,12 +218,9 @@ def look(
             rotor = negative(rotor)
         if turned != senses.turned:
             sign_corrections += 1
-    accel_rejected = senses.accel_rejected
-    if not has_up:
-        accel_rejected += 1
     now = Senses(
         rate,
-        carried,
+        field,
         mag_age,
         senses.started or found,
         heading_known or from_mag,
@@ -156,6 +229,8 @@ def look(
         gyro_rejected,
         accel_rejected,
         mag_rejected,
+        up_kept,
+        up_time,
     )
     return now, found, from_mag, begins and found, rotor
 
@@ -174,4 +249,6 @@ def without_mag(senses: Senses, felt: Felt, accel: Vector) -> Senses:
         felt[2],
         senses.accel_rejected + (not has_up),
         senses.mag_rejected,
+        senses.up,
+        senses.up_time,
     )

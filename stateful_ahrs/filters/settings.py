@@ -12,25 +12,52 @@ NORTH: Vector = (1.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
+class Known:
+    """What an earlier run learned of the sensors; by default nothing.
+
+    Angular rate is (1 + E)(measured − bias), the magnetic field measured − hard iron, and the
+    magnetometer is late by its delay.
+    """
+
+    bias: Vector = (0.0, 0.0, 0.0)  # rad/s
+    misalignment: tuple[Vector, Vector, Vector] = ((0.0, 0.0, 0.0),) * 3  # E, row by row
+    mag_delay: float = 0.0  # s
+    hard_iron: Vector = (0.0, 0.0, 0.0)  # in the magnetometer's unit
+
+
+NOTHING = Known()
+
+
+@dataclass(frozen=True)
 class Settings:
     """What a user chooses. Times in seconds."""
 
     alpha: float = 0.9967  # weight of the gyroscope path over 1 / alpha_rate
     alpha_rate: float = 100.0  # Hz; 0: alpha applies to each sample, as in the paper
+    alpha_heading: float = -1.0  # the same for heading; negative: as weigh_mag finds, or alpha
     stateful: bool = True  # False: the snapshot keeps its own sign, the paper's baseline
-    normalise: bool = True  # after each blend, if stateful; the paper does not
-    average_start: bool = True  # in the first second the mean of all snapshots; not in the paper
     use_mag: bool = True
     mag_timeout: float = 0.5  # older than this a magnetometer sample is stale
     north_at_start: Vector = NORTH  # sensor axis taken for north until a magnetometer tells
-    # Of `learning` alone, which learns the gyroscope's bias in any case; False keeps what is known:
+    # Not in the paper; of `stateful` alone, but for the second. All off is the paper's filter:
+    normalise: bool = True  # after each blend, if stateful
+    average_start: bool = True  # in the first second or two a mean of all samples
+    low_pass: bool = True  # of up, in axes that the gyroscope carries along
+    learn_bias: bool = True  # the gyroscope's, at rest and on the way
     learn_misalignment: bool = True  # of the gyroscope's axes, and their scale
     learn_mag: bool = True  # the magnetometer's delay and the hard iron left over
+    weigh_mag: bool = True  # the less the field is as it was, the less north is the measured one
+    known: Known = NOTHING  # taken at the next reset; False above keeps it
 
     def __post_init__(self) -> None:
         """Refuse what makes no filter."""
         if not 0.0 <= self.alpha <= 1.0:
             raise UsageError(f"alpha must be between 0 and 1, got {self.alpha}.")
+        if not -math.inf < self.alpha_heading <= 1.0:
+            raise UsageError(
+                f"alpha_heading must be between 0 and 1, or negative to leave it to the filter, "
+                f"got {self.alpha_heading}."
+            )
         if not 0.0 <= self.alpha_rate <= 1e6:
             raise UsageError(
                 f"alpha_rate must be between 0 (alpha applies to each sample) and 1e6 Hz, "
@@ -51,6 +78,11 @@ class Settings:
         if self.alpha >= 1.0:
             return math.inf
         return -1.0 / (self.alpha_rate * math.log(self.alpha))
+
+    @property
+    def learns(self) -> bool:
+        """Whether anything is learned of the sensors."""
+        return self.learn_bias or self.learn_misalignment or self.learn_mag or self.weigh_mag
 
 
 DEFAULTS = Settings()

@@ -97,9 +97,13 @@ class StampGate:
 
 def steps(stamps: NDArray[np.int64]) -> NDArray[np.float64]:
     """The steps of a whole recording in s: 0 where a filter starts anew, NaN where it skips."""
-    steps = np.diff(stamps)
-    if len(stamps) and stamps[0] > 0 and np.all((steps > 0) & (steps <= LONGEST_STEP)):
-        return np.concatenate(([0.0], steps * 1e-9))
+    if len(stamps) > 1 and stamps[0] > 0:
+        steps = np.diff(stamps)
+        if steps.min() > 0 and steps.max() <= LONGEST_STEP:
+            seconds = np.empty(len(stamps))
+            seconds[0] = 0.0
+            np.multiply(steps, 1e-9, out=seconds[1:])
+            return seconds
     gate = StampGate()
     found = [gate.step(stamp) for stamp in stamps.tolist()]
     return np.array([np.nan if step is None else step for step in found], dtype=float)

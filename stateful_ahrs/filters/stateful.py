@@ -1,42 +1,92 @@
-"""The stateful complementary filter of Kusaka and Tanaka (eq. 12 and 16).
+"""The stateful complementary filter of Kusaka and Tanaka (eq. 12 and 16), and its calibration.
 
 The gyroscope path ``q ⊗ q_ω`` and the snapshot of accelerometer and magnetometer are blended
 element by element, which is allowed because the snapshot takes the sign that continues the
-gyroscope path.
+gyroscope path. Only multiplications, additions and square roots, but for the power of α.
+
+Beside it a slow room (`learning`) looks back twice a second and hands better inputs to the same
+step: rates less their bias and through the misalignment, a magnetic field freed of hard iron and
+of its delay, how far to trust it, and how fast heading should follow it.
 
 Deviations from the paper
 - The rotor of eq. 12 is exact (eq. 11) where one step turns by more than 0.2 rad.
 - Eq. 14 multiplies the gyroscope's rotor on the left, as if rates were measured in the earth
   frame. A strapped-down gyroscope measures in the sensor frame: the rotor goes on the right.
 - The sign of the snapshot is compared with the predicted rotor; eq. 3 has the last one.
-- Not in the paper, and off where the filter is called the paper's: the rotor is normalised after
-  each blend, and for the first second the blend is the mean of all snapshots so far.
 - The paper leaves the start open: the first snapshot is taken as it is, after a restart with the
   sign that continues, and so is the first heading that a magnetometer gives.
 - The paper blends once for each sample of all three sensors. Here α may be given for a fixed
   span of time, and a magnetometer sample that is missing, stale or useless costs only its
   heading: the snapshot is then taken with the north that the gyroscope predicts.
+
+Not in the paper, each with a switch in `Settings`, all off where the filter is called the paper's:
+the slow room's parts; up low-passed; a heading that is corrected slower (or faster) than tilt, by
+a north between the predicted and the measured one; the rotor normalised after each blend; a start
+that is the mean of all samples so far.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
-from ..rotor import IDENTITY, Rotor, Vector, blend, dot, negative, product, unit
-from .compiled import bind
+import numpy as np
+
+from ..rotor import (
+    IDENTITY,
+    Rotor,
+    Vector,
+    blend,
+    dot,
+    from_rate,
+    negative,
+    plus,
+    product,
+    rotate,
+    unit,
+)
+from .compiled import bind, compiled
 from .kernel import NO_MAG as NO_MAG
-from .kernel import Kernel, KernelFilter
-from .kernel import Report as Report
+from .kernel import Kernel, KernelFilter, Report
+from .learning import (
+    COLUMNS,
+    ROW_TIME,
+    ROWS,
+    WINDOW,
+    Chosen,
+    Floats,
+    Learned,
+    Memory,
+    Room,
+    Window,
+    begin,
+    chosen,
+    first_heading,
+    learn,
+    memory,
+    start_anew,
+)
+from .samples import Array, Samples
 from .senses import FASTEST as FASTEST
+from .senses import LOW_PASS, Senses, Sources, held, look, sources, usable
 from .senses import STRONGEST as STRONGEST
 from .senses import UP as UP
 from .senses import WEAKEST as WEAKEST
-from .senses import Senses, Sources, feel, look, sources
-from .settings import DEFAULTS
+from .settings import DEFAULTS, Known
 from .settings import Settings as Settings
+from .stamps import steps
 
-START = 1.0  # s
+NEAR_UNIT = 1e-6  # of the square of a length: one step of Newton is then as good as the root
+START = 1.0  # s: the mean of all snapshots
+START_LOW_PASSED = LOW_PASS  # s: until the low-pass is full, its up is taken whole
+AVERAGED = 2.0 * LOW_PASS  # s: until then a slow α is that of a mean
+NEWER = 3.0  # at the start: the mean north of all samples, the newer the more
+DISTURBED = 0.1  # trust of a field three standard deviations off
+HEADING_SHARE, TILT_SHARE = 0.5, 0.5  # of what the slow room takes for its error
+HEADING_FLOOR = math.radians(2.0)  # what the field of a room is off and no filter can know
+TILT_FLOOR = math.radians(0.1)
 
 
 class Gains(NamedTuple):
@@ -45,9 +95,38 @@ class Gains(NamedTuple):
     sources: Sources
     alpha: float
     alpha_rate: float
+    alpha_heading: float
     stateful: bool
     normalise: bool
     average_start: bool
+    learns: bool
+    chosen: Chosen
+
+
+class Past(NamedTuple):
+    """What happened since the slow room last looked back."""
+
+    time: float = 0.0  # s
+    applied: Vector = (0.0, 0.0, 0.0)  # corrections, rad, earth frame
+    rows: int = 0  # of the log
+    row_time: float = 0.0  # s since the last row; 0: this sample is one
+    mag_row_time: float = 1.0  # s since the last row with a magnetometer sample
+    step: float = 0.0  # s, the last
+    due: bool = False  # it should look back before the next sample
+
+
+NO_PAST = Past()
+
+
+class Pace(NamedTuple):
+    """What α makes of a step, as long as steps are alike: a power costs more than the rest."""
+
+    span: float = -1.0  # s, of the step
+    weight: float = 0.0  # that α leaves to the gyroscope path in it
+    heading: float = 0.0  # likewise alpha_heading
+
+
+NO_PACE = Pace()
 
 
 class State(NamedTuple):
@@ -56,17 +135,25 @@ class State(NamedTuple):
     rotor: Rotor = IDENTITY  # sensor → earth (NWU); of unit length only if normalised
     senses: Senses = Senses()
     elapsed: float = 0.0  # s since the start
+    predicted: Rotor = IDENTITY  # before the last correction
+    pace: Pace = NO_PACE
+    learned: Learned = Learned()
+    room: Room = Room()
+    past: Past = Past()
 
 
 def gains(settings: Settings) -> Gains:
     """The settings as the kernel takes them."""
     return Gains(
-        sources(settings),
+        sources(settings, settings.low_pass, settings.learns),
         float(settings.alpha),
         float(settings.alpha_rate),
+        float(settings.alpha_heading),
         settings.stateful,
         settings.normalise,
         settings.average_start,
+        settings.learns,
+        chosen(settings),
     )
 
 
@@ -88,31 +175,234 @@ def weight_of_gyro(alpha: float, alpha_rate: float, dt: float) -> float:
     return weight
 
 
+def true_rate(learned: Learned, rate: Vector) -> Vector:
+    """The rate (rad/s) less bias and misalignment."""
+    x, y, z = rate[0] - learned.bias[0], rate[1] - learned.bias[1], rate[2] - learned.bias[2]
+    rx, ry, rz = learned.row_x, learned.row_y, learned.row_z
+    return (
+        rx[0] * x + rx[1] * y + rx[2] * z,
+        ry[0] * x + ry[1] * y + ry[2] * z,
+        rz[0] * x + rz[1] * y + rz[2] * z,
+    )
+
+
+def true_field(learned: Learned, mag: Vector, rate: Vector) -> Vector:
+    """The magnetic field less hard iron and delay; as it is if it can be none."""
+    square = mag[0] * mag[0] + mag[1] * mag[1] + mag[2] * mag[2]
+    if not 1e-24 < square < 1e24:
+        return mag
+    hx, hy, hz = learned.hard_iron
+    x, y, z = mag[0] - hx, mag[1] - hy, mag[2] - hz
+    late, (wx, wy, wz) = learned.delay, rate
+    return (
+        x - late * (wy * z - wz * y),
+        y - late * (wz * x - wx * z),
+        z - late * (wx * y - wy * x),
+    )
+
+
+def paced(pace: Pace, gains: Gains, dt: float) -> Pace:
+    """What α makes of a step of ``dt`` s."""
+    if dt == pace.span:
+        return pace
+    heading = 0.0
+    if gains.alpha_heading >= 0.0:
+        heading = weight_of_gyro(gains.alpha_heading, gains.alpha_rate, dt)
+    return Pace(dt, weight_of_gyro(gains.alpha, gains.alpha_rate, dt), heading)
+
+
+def weights(gains: Gains, learned: Learned, pace: Pace, elapsed: float) -> tuple[float, float]:
+    """The weight of the gyroscope path, and how far north is the measured one (see `look`)."""
+    dt, weight = pace.span, pace.weight
+    rest = 1.0 - weight
+    share = 1.0
+    if gains.alpha_heading >= 0.0:
+        share = learned.trust * (1.0 - pace.heading) / rest if rest > 0.0 else 0.0
+    elif gains.chosen.weigh:
+        apart = learned.heading_rate * dt
+        share = apart / rest if apart < rest else 1.0
+    if gains.average_start and dt > 0.0:
+        if not gains.sources.low_pass:
+            if elapsed < START:
+                weight = min(weight, elapsed / (elapsed + dt))
+        elif elapsed + dt < AVERAGED:
+            weight = min(weight, elapsed / (elapsed + dt))
+            if elapsed + dt < START_LOW_PASSED:
+                weight = 0.0
+                share = min(1.0, NEWER * dt / (elapsed + dt))
+    return weight, share
+
+
 def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, dt: float) -> State:
     """Take one sample of all sensors, ``dt`` s after the last; 0 starts anew (eq. 16)."""
-    felt = feel(state.senses, gyro, dt)
-    rotor = predicted = predict(state.rotor, felt[0])
+    learned = state.learned
+    rate, gyro_rejected = held(state.senses, gyro)
+    turn_rate = rate
+    if gains.learns:
+        turn_rate = true_rate(learned, rate)
+        mag = true_field(learned, mag, turn_rate)
+    turn = from_rate(turn_rate, dt)
+    rotor = predicted = predict(state.rotor, turn)
+    pace = paced(state.pace, gains, dt)
+    weight, share = weights(gains, learned, pace, state.elapsed)
     senses, found, _, begins, snapshot = look(
-        state.senses, gains.sources, felt, accel, mag, predicted, dt
+        state.senses, gains.sources, (turn, rate, gyro_rejected), accel, mag, predicted, dt, share
     )
     elapsed = state.elapsed + dt
+    starts = dt <= 0.0 or not state.senses.started
     if begins:
         rotor = snapshot
-        if dt <= 0.0 or not state.senses.started:
+        if starts:
             elapsed = 0.0
     elif found:
         if senses.turned and not gains.stateful:
             snapshot = negative(snapshot)
-        weight = weight_of_gyro(gains.alpha, gains.alpha_rate, dt)
-        if gains.average_start and elapsed < START:
-            weight = min(weight, elapsed / (elapsed + dt))
         rotor = blend(predicted, snapshot, weight)  # eq. 16
+    if gains.learns and state.past.time < WINDOW and gains.alpha < 1.0 and not begins:
+        x, y, z = learned.drift
+        half = 0.5 * dt
+        # What the slow room found out of the past.
+        rotor = plus(rotor, product((0.0, half * x, half * y, half * z), predicted))
     square = dot(rotor, rotor)
     if not square > 1e-12:  # only a stateless blend of opposite signs can vanish
         rotor = predicted
     elif gains.normalise and gains.stateful:
-        rotor = unit(rotor)
-    return State(rotor, senses, elapsed)
+        if abs(square - 1.0) < NEAR_UNIT:  # a root would take longer
+            scale = 1.5 - 0.5 * square
+            rotor = (scale * rotor[0], scale * rotor[1], scale * rotor[2], scale * rotor[3])
+        else:
+            rotor = unit(rotor)
+    past = state.past
+    if gains.learns:
+        fresh = gains.sources.use_mag and senses.mag_age == 0.0
+        past = passed(past, fresh, rotor, predicted, elapsed, dt, begins, starts)
+    return State(rotor, senses, elapsed, predicted, pace, learned, state.room, past)
+
+
+def passed(
+    past: Past,
+    fresh: bool,
+    rotor: Rotor,
+    predicted: Rotor,
+    elapsed: float,
+    dt: float,
+    begins: bool,
+    starts: bool,
+) -> Past:
+    """What the slow room should know of a step."""
+    if begins:
+        return Past(0.0, past.applied, 0, 0.0, 1.0, dt, True)
+    if starts:
+        return NO_PAST
+    rows = past.rows
+    row_time, mag_row_time = past.row_time + dt, past.mag_row_time + dt
+    if row_time >= ROW_TIME or (fresh and mag_row_time >= ROW_TIME):
+        rows += 1
+        row_time = 0.0
+        if fresh:
+            mag_row_time = 0.0
+    time = past.time + dt
+    w, x, y, z = predicted
+    p, q, r, s = rotor
+    sign = 2.0 if w * p + x * q + y * r + z * s >= 0.0 else -2.0
+    ax, ay, az = past.applied
+    window = WINDOW if elapsed > WINDOW else 0.25 * WINDOW
+    return Past(
+        time,
+        (
+            ax + sign * (w * q - p * x + s * y - r * z),
+            ay + sign * (w * r - p * y + q * z - s * x),
+            az + sign * (w * s - p * z + r * x - q * y),
+        ),
+        rows,
+        row_time,
+        mag_row_time,
+        dt,
+        rows > 0 and (time >= window - 0.5 * dt or rows == ROWS),
+    )
+
+
+def note(log: Floats, state: State, accel: Vector, mag: Vector, row_time: float) -> None:
+    """Write the sample that made ``state`` into the log, as its last row."""
+    senses = state.senses
+    at = COLUMNS * (state.past.rows - 1)
+    log[at], log[at + 1], log[at + 2], log[at + 3] = state.predicted
+    log[at + 4], log[at + 5], log[at + 6] = senses.rate
+    force = accel if usable(accel) else senses.up
+    log[at + 7], log[at + 8], log[at + 9] = force
+    log[at + 10], log[at + 11], log[at + 12] = mag
+    log[at + 13] = row_time
+    if state.past.mag_row_time > 0.0:
+        log[at + 10] = math.nan
+
+
+def look_back(state: State, memory: Memory, gains: Gains) -> State:
+    """The slow room's turn: after a window, a new start, or the first heading."""
+    room, learned, past = state.room, state.learned, state.past
+    if past.rows > 0:
+        pace = paced(state.pace, gains, past.step)
+        tilt_rate = (1.0 - pace.weight) / past.step
+        heading_rate = -1.0
+        if gains.alpha_heading >= 0.0:
+            heading_rate = (1.0 - pace.heading) / past.step
+        elif not gains.chosen.weigh:
+            heading_rate = tilt_rate
+        starting = gains.average_start and state.elapsed < START_LOW_PASSED
+        window = Window(
+            past.rows,
+            rotate(unit(state.rotor), state.senses.up),
+            past.applied,
+            tilt_rate,
+            heading_rate,
+            starting,
+        )
+        room, learned = learn(memory, room, learned, window, gains.chosen)
+    elif state.elapsed > 0.0:
+        first_heading(memory, past.applied)
+    else:
+        room, learned = start_anew(memory, room, learned)
+    past = Past(0.0, (0.0, 0.0, 0.0), 0, past.row_time, past.mag_row_time, past.step, False)
+    return State(
+        state.rotor, state.senses, state.elapsed, state.predicted, state.pace, learned, room, past
+    )
+
+
+def run(
+    state: State,
+    memory: Memory,
+    gains: Gains,
+    gyro: Array,
+    accel: Array,
+    mag: Array,
+    dts: Array,
+    rotors: Array,
+) -> State:
+    """Fill ``rotors`` (n, 4) with unit rotors; a step of NaN repeats the last (skipped)."""
+    normalised = gains.normalise and gains.stateful
+    log = memory.log
+    i = 0
+    while i < len(dts):
+        if state.past.due:
+            state = look_back(state, memory, gains)
+        while i < len(dts) and not state.past.due:
+            if dts[i] == dts[i]:
+                a = (accel[i, 0], accel[i, 1], accel[i, 2])
+                m = (mag[i, 0], mag[i, 1], mag[i, 2])
+                row_time = state.past.row_time + dts[i]
+                state = step(state, gains, (gyro[i, 0], gyro[i, 1], gyro[i, 2]), a, m, dts[i])
+                if state.past.rows > 0 and state.past.row_time == 0.0:
+                    note(log, state, a, m, row_time)
+            q = state.rotor
+            if not normalised:
+                q = unit(q)
+            rotors[i, 0], rotors[i, 1], rotors[i, 2], rotors[i, 3] = q
+            i += 1
+    return state
+
+
+def runner() -> Callable[..., Any]:
+    """`run`, compiled into one function but for the slow room, which is long and seldom called."""
+    return compiled(bind(run, look_back=compiled(look_back, fused=True)), inline=True, fused=True)
 
 
 STATEFUL = Kernel(step, State(), gains)
@@ -124,8 +414,131 @@ def over(snapshot: Callable[..., Any]) -> Kernel:
     return Kernel(bind(step, look=bind(look, snapshot=snapshot)), State(), gains)
 
 
+@dataclass(frozen=True)
+class LearnedReport(Report):
+    """What was learned as well; vectors in the sensor frame.
+
+    The standard deviations are those that hold on BROAD (see docs/accuracy.md).
+    """
+
+    learned_bias_rad_s: Vector
+    misalignment: tuple[Vector, Vector, Vector]  # E: the true rate is (1 + E)(measured − bias)
+    mag_delay_s: float  # after the gyroscope
+    hard_iron: Vector  # left over, in the magnetometer's unit
+    mag_trust: float  # 0 to 1
+    field_changes: int  # how often another field took the place of the one first met
+    resting: bool
+    heading_stddev_rad: float  # inf before a magnetometer told north
+    tilt_stddev_rad: float  # on each axis
+
+
 class StatefulFilter(KernelFilter):
-    """The filter of this module; see `KernelFilter`."""
+    """The filter of this module; see `KernelFilter`.
+
+    A restart (a ``dt`` of 0) keeps what was learned of the sensors, `reset` does not.
+    """
 
     def __init__(self, settings: Settings = DEFAULTS, **fixed: Any) -> None:
+        self._memory = memory()
         super().__init__(STATEFUL, settings, **fixed)
+
+    def reset(self) -> None:
+        """Forget everything but the counts and what the settings know of the sensors."""
+        super().reset()
+        room, learned = begin(self._memory, self.settings.known)
+        self._state = self._before = self._state._replace(learned=learned, room=room)
+
+    def _changed(self) -> None:
+        self._state = self._state._replace(pace=NO_PACE)
+        self._before = self._before._replace(pace=NO_PACE)
+
+    def _take(self, mag: Vector) -> None:
+        assert self._inputs is not None
+        row_time = self._before.past.row_time + self._inputs[2]
+        super()._take(mag)
+        past = self._state.past
+        if past.rows > 0 and past.row_time == 0.0:
+            note(self._memory.log, self._state, self._inputs[1], mag, row_time)
+
+    def update_imu(self, gyro: Vector, accel: Vector, dt: float) -> Rotor:
+        """See `KernelFilter`; first the slow room looks back, if it is due."""
+        if self._state.past.due:
+            self._state = look_back(self._state, self._memory, self._gains)
+        return super().update_imu(gyro, accel, dt)
+
+    def run(self, samples: Samples) -> Array:
+        """Rotors (n, 4) for a whole recording, from a fresh start; compiled where numba is."""
+        rotors = np.empty((len(samples), 4))
+        self._state = STATEFUL.start
+        self.reset()
+        arrays: Any = Memory(*map(np.array, self._memory))
+        self._state = runner()(
+            self._state,
+            arrays,
+            self._gains,
+            samples.gyro,
+            samples.accel,
+            samples.mag,
+            steps(samples.stamps),
+            rotors,
+        )
+        self._memory = Memory(*(part.tolist() for part in arrays))
+        return rotors
+
+    @property
+    def stddev(self) -> tuple[float, float] | None:
+        """Standard deviations of tilt, on each level axis, and of heading (rad); None if unknown.
+
+        Heading's is inf before a magnetometer told north. They are those that hold on BROAD (see
+        docs/accuracy.md).
+        """
+        if not self._gains.learns:
+            return None
+        learned = self._state.learned
+        heading = math.inf
+        if self._state.senses.heading_known:
+            heading = math.hypot(HEADING_SHARE * math.sqrt(learned.heading_variance), HEADING_FLOOR)
+        return math.hypot(TILT_SHARE * math.sqrt(learned.tilt_variance), TILT_FLOOR), heading
+
+    @property
+    def bias(self) -> Vector:
+        """See `KernelFilter`."""
+        return self._state.learned.bias if self._gains.learns else (0.0, 0.0, 0.0)
+
+    @property
+    def known(self) -> Known | None:
+        """See `KernelFilter`."""
+        if not self._gains.learns:
+            return None
+        learned = self._state.learned
+        (a, b, c), (d, e, f), (g, h, i) = learned.row_x, learned.row_y, learned.row_z
+        return Known(
+            learned.bias,
+            ((a - 1.0, b, c), (d, e - 1.0, f), (g, h, i - 1.0)),
+            learned.delay,
+            learned.hard_iron,
+        )
+
+    @property
+    def report(self) -> Report:
+        """What the filter has to say of itself and of its sensors."""
+        report = super().report
+        if not self._gains.learns:
+            return report
+        learned, known = self._state.learned, self.known
+        assert self.stddev is not None and known is not None
+        tilt, heading = self.stddev
+        values = {each.name: getattr(report, each.name) for each in fields(report)}
+        values["heading_from_mag"] = report.heading_from_mag and learned.trust > DISTURBED
+        return LearnedReport(
+            **values,
+            learned_bias_rad_s=known.bias,
+            misalignment=known.misalignment,
+            mag_delay_s=known.mag_delay,
+            hard_iron=known.hard_iron,
+            mag_trust=learned.trust,
+            field_changes=self._state.room.swaps,
+            resting=learned.resting,
+            heading_stddev_rad=heading,
+            tilt_stddev_rad=tilt,
+        )

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from datetime import datetime, timezone
 
 from ..errors import AhrsError
+from ..filters.settings import NOTHING, Known
 from ..rotor import Vector
 from .burst import Reading
 
@@ -58,13 +59,16 @@ class Correction:
 class Calibration:
     """The corrections of one device's sensors; by default none.
 
-    The gyroscope's matrix is the identity: at rest its scale cannot be seen.
+    The gyroscope's matrix is the identity: at rest its scale cannot be seen. ``learned`` is what
+    is left over after the corrections, as a filter found it: a filter's to apply, not the driver's.
     """
 
     sensor: str = ""  # whose calibration it is
     gyro: Correction = Correction()
     accel: Correction = Correction()
     mag: Correction = Correction()
+    learned: Known = NOTHING
+    learned_date: str = ""  # ISO 8601
 
     def apply(self, reading: Reading) -> Reading:
         """The reading, corrected; what is not measured or has no correction stays as it is."""

@@ -7,13 +7,15 @@ import math
 import os
 import tempfile
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..filters.settings import NOTHING, Known
 from ..rotor import Vector
-from .calibration import UNIT, Calibration, CalibrationError, Correction, Matrix
+from .calibration import UNIT, Calibration, CalibrationError, Correction, Matrix, now
 
 WORST_CONDITION = 1e3  # of a matrix; a real one is below 10
 
@@ -37,7 +39,14 @@ HEADER = """\
 #   angular rate   = raw - bias                      rad/s
 #   specific force = matrix (raw - offset)           m/s²
 #   magnetic field = soft_iron (raw - hard_iron)     tesla
+# `fusion` loads what it learned of all that the driver leaves over (save_calibration).
 """
+LEARNED = {
+    "bias": "bias",
+    "misalignment": "misalignment",
+    "mag_delay": "magnetometer_delay",
+    "hard_iron": "hard_iron",
+}  # what they are called in the file
 
 
 def load(path: Path | str) -> Calibration:
@@ -70,6 +79,11 @@ def save(calibration: Calibration, path: Path | str) -> None:
         correction: Correction = getattr(calibration, attribute)
         if correction != Correction():
             content[section.name] = _entries(section, correction)
+    if calibration.learned != NOTHING:
+        content["learned"] = {
+            **({"date": calibration.learned_date} if calibration.learned_date else {}),
+            **{name: _plain(getattr(calibration.learned, key)) for key, name in LEARNED.items()},
+        }
     text = HEADER + yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=100)
     try:
         with tempfile.NamedTemporaryFile(
@@ -114,13 +128,33 @@ def _entries(section: _Section, correction: Correction) -> dict[str, Any]:
 
 def _calibration(content: object) -> Calibration:
     names = {section.name: attribute for attribute, section in SECTIONS.items()}
-    entries = _mapping(content, "the file", {"sensor", *names})
+    entries = _mapping(content, "the file", {"sensor", "learned", *names})
     corrections = {
         attribute: _correction(entries[name], SECTIONS[attribute])
         for name, attribute in names.items()
         if name in entries
     }
-    return Calibration(_text(entries.get("sensor", ""), "sensor"), **corrections)
+    learned, date = NOTHING, ""
+    if "learned" in entries:
+        learned, date = _learned(entries["learned"])
+    sensor = _text(entries.get("sensor", ""), "sensor")
+    return Calibration(sensor, **corrections, learned=learned, learned_date=date)
+
+
+def _learned(content: object) -> tuple[Known, str]:
+    entries = _mapping(content, "learned", {"date", *LEARNED.values()})
+    vectors = {
+        key: _vector(entries[key], f"learned.{key}")
+        for key in ("bias", "hard_iron")
+        if key in entries
+    }
+    misalignment = NOTHING.misalignment
+    if "misalignment" in entries:
+        misalignment = _rows(entries["misalignment"], "learned.misalignment")
+    where = "magnetometer_delay"
+    delay = float(_number(entries.get(where, 0.0), f"learned.{where}"))
+    known = Known(misalignment=misalignment, mag_delay=delay, **vectors)
+    return known, _text(entries.get("date", ""), "learned.date")
 
 
 def _correction(content: object, section: _Section) -> Correction:
@@ -181,11 +215,15 @@ def _vector(value: object, where: str) -> Vector:
     return (x, y, z)
 
 
-def _matrix(value: object, where: str) -> Matrix:
+def _rows(value: object, where: str) -> Matrix:
     if not isinstance(value, list) or len(value) != 3:
         raise CalibrationError(f"{where} must be three rows of three numbers, got {_short(value)}.")
     first, second, third = (_vector(row, where) for row in value)
-    matrix = (first, second, third)
+    return (first, second, third)
+
+
+def _matrix(value: object, where: str) -> Matrix:
+    matrix = _rows(value, where)
     condition = float(np.linalg.cond(np.array(matrix)))
     if not (math.isfinite(condition) and condition < WORST_CONDITION):
         raise CalibrationError(f"{where} is singular (condition {condition:.3g}).")
@@ -199,8 +237,26 @@ def _short(value: object) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
+def _plain(value: float | tuple[Any, ...]) -> object:
+    return [_plain(part) for part in value] if isinstance(value, tuple) else float(value)
+
+
 def merged(path: Path | str, sensor: str, **corrections: Correction) -> Calibration:
-    """What is in the file, if there is one, with the corrections given in place of its own."""
+    """What is in the file, if there is one, with the corrections given in place of its own.
+
+    What had been left over for a filter to learn is void where it was an offset of these.
+    """
     before = load(path) if Path(path).exists() else Calibration()
-    sections = {name: getattr(before, name) for name in SECTIONS}
-    return Calibration(sensor or before.sensor, **{**sections, **corrections})
+    learned = before.learned
+    if "gyro" in corrections:
+        learned = replace(learned, bias=NOTHING.bias)
+    if "mag" in corrections:
+        learned = replace(learned, hard_iron=NOTHING.hard_iron)
+    changed: dict[str, Any] = dict(corrections)
+    return replace(before, sensor=sensor or before.sensor, learned=learned, **changed)
+
+
+def save_learned(path: Path | str, learned: Known) -> None:
+    """Put what a filter learned into the file, beside what else is in it."""
+    before = load(path) if Path(path).exists() else Calibration()
+    save(replace(before, learned=learned, learned_date=now()), path)

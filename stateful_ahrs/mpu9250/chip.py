@@ -20,7 +20,7 @@ INTERNAL_RATE = 1000.0  # Hz, before the divider
 MAX_DIVISOR = 256
 RATE_TOLERANCE = 0.0015  # 333 stands for 333.333
 
-NAMES = {0x71: "MPU-9250", 0x73: "MPU-9255", 0x70: "MPU-6500"}
+NAMES = {reg.MPU_9250: "MPU-9250", 0x73: "MPU-9255", 0x70: "MPU-6500"}
 SIX_AXES = {0x70}
 OTHERS = {
     0x12: "ICM-20602",
@@ -87,10 +87,15 @@ def _one_of(name: str, value: int, choices: tuple[int, ...], unit: str = "") -> 
         )
 
 
+class MagnetometerError(DeviceError):
+    """The chip is well, and its magnetometer is not."""
+
+
 class Mpu9250:
     """A configured MPU-9250, MPU-9255, or MPU-6500 (which has no magnetometer).
 
-    `DeviceError` if the chip is absent, of another kind, or does not keep what it is told.
+    `DeviceError` if the chip is absent, of another kind, or does not keep what it is told; a
+    `MagnetometerError` only if ``magnetometer``: without it the other six axes are read.
     ``sleep`` (s) is that of the bus where it is simulated in a time of its own.
     """
 
@@ -100,15 +105,16 @@ class Mpu9250:
         settings: Settings = Settings(),
         address: int = reg.ADDRESS,
         sleep: Callable[[float], None] = time.sleep,
+        magnetometer: bool = True,
     ) -> None:
         self._bus = bus
         self._address = address
         self._sleep = sleep
         self.settings = settings
         self._fifo_torn = False  # nobody knows where a sample begins in it
-        self.configure()
+        self.configure(magnetometer)
 
-    def configure(self) -> None:
+    def configure(self, magnetometer: bool = True) -> None:
         """Bring the chip from any state to the settings; also after it lost its supply."""
         self._identify()
         self._write(reg.PWR_MGMT_1, reg.H_RESET)
@@ -124,7 +130,8 @@ class Mpu9250:
         self._set(reg.ACCEL_CONFIG, ACCEL_RANGES.index(s.accel_range) << reg.RANGE_SHIFT)
         self._set(reg.ACCEL_CONFIG2, s.dlpf)
         self._set(reg.INT_ENABLE, reg.RAW_DATA_RDY)
-        adjustment = self._start_magnetometer() if self.has_magnetometer else None
+        wanted = magnetometer and self.has_magnetometer
+        adjustment = self._start_magnetometer() if wanted else None
         self._set(reg.SMPLRT_DIV, s.divisor - 1)  # last: the auxiliary master works at this rate
         self._burst = Burst(s.gyro_range, s.accel_range, adjustment)
         if s.fifo:
@@ -218,17 +225,22 @@ class Mpu9250:
         self._set(reg.USER_CTRL, 0 if bypass else reg.I2C_MST_EN)
         if not bypass:
             self._set(reg.I2C_MST_CTRL, reg.WAIT_FOR_ES | reg.I2C_MST_400_KHZ)
-        self._write_mag(reg.AK_CNTL2, reg.AK_SOFT_RESET)
+        try:
+            self._write_mag(reg.AK_CNTL2, reg.AK_SOFT_RESET)
+        except BusError as error:
+            if not bypass:
+                raise
+            raise MagnetometerError(f"the magnetometer of the {self}: {error}") from None
         (identity,) = self._read_mag(reg.AK_WIA, 1)
         if identity != reg.AK_DEVICE_ID:
-            raise DeviceError(
+            raise MagnetometerError(
                 f"the magnetometer of the {self} answers 0x{identity:02X}, expected "
                 f"0x{reg.AK_DEVICE_ID:02X} (AK8963). Switch the board off and on again."
             )
         self._write_mag(reg.AK_CNTL1, reg.AK_FUSE_ROM)
         fuses = self._read_mag(reg.AK_ASAX, 3)
         if fuses == b"\xff\xff\xff":
-            raise DeviceError(
+            raise MagnetometerError(
                 f"the magnetometer of the {self} answers 0xFF for each factory adjustment: its "
                 "bus is stuck. Switch the board off and on again."
             )
@@ -237,7 +249,7 @@ class Mpu9250:
         self._write_mag(reg.AK_CNTL1, mode)
         (found,) = self._read_mag(reg.AK_CNTL1, 1)
         if found != mode:
-            raise DeviceError(
+            raise MagnetometerError(
                 f"the magnetometer of the {self} stays in mode 0x{found:02X} after 0x{mode:02X}."
             )
         if not bypass:

@@ -10,7 +10,7 @@ from ..rotor import Vector
 from . import registers as reg
 from .burst import Reading
 from .bus import Bus, BusError
-from .chip import Mpu9250, Settings
+from .chip import MagnetometerError, Mpu9250, Settings
 from .self_test import Axis, self_test
 from .source import Faults, Sample
 
@@ -51,10 +51,19 @@ class ChipSource:
         self._chip: Mpu9250 | None = None
 
     def open(self) -> None:
-        """Open the bus, identify and configure the chip."""
+        """Open the bus, identify and configure the chip.
+
+        Its magnetometer may fail only once it has been there: then the others go on.
+        """
         bus = self._open_bus()
         try:
-            self._chip = Mpu9250(bus, self.settings, self._address, self._sleep)
+            try:
+                chip = Mpu9250(bus, self.settings, self._address, self._sleep)
+            except MagnetometerError:
+                if self._chip is None:
+                    raise
+                chip = Mpu9250(bus, self.settings, self._address, self._sleep, magnetometer=False)
+            self._chip = chip
         except DeviceError:
             bus.close()
             raise
@@ -202,7 +211,10 @@ class ChipSource:
             return
         self._mag_patience = min(2 * self._mag_patience, MAG_PATIENCE)
         self.faults.mag_restarts += 1
-        chip.configure()
+        try:
+            chip.configure()
+        except MagnetometerError:
+            chip.configure(magnetometer=False)
         self._begin()
 
     def _recover(self, error: BusError) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ..errors import UsageError
+from . import registers as reg
 from .frame import FrameParser
 from .protocols import Parser, Record
 from .razor import RazorParser
@@ -42,6 +43,11 @@ class EitherParser:
         if self.name:
             return self._parsers[self.name].discarded
         return min(parser.discarded for parser in self._parsers.values())
+
+    @property
+    def who_am_i(self) -> int:
+        """The chip, as far as the right parser knows."""
+        return self._parsers[self.name].who_am_i if self.name else reg.MPU_9250
 
     @property
     def complaint(self) -> str:

@@ -12,6 +12,7 @@ from functools import lru_cache
 
 from ..errors import DeviceError
 from ..rotor import Vector
+from . import registers as reg
 from .burst import NOBODY, STUCK, Burst
 from .chip import ACCEL_RANGES, GYRO_RANGES, NAMES, OTHERS, SIX_AXES
 from .protocols import Clock, Counter, Record
@@ -78,6 +79,7 @@ class FrameParser:
     def __init__(self) -> None:
         self.discarded = 0
         self.complaint = ""
+        self.who_am_i = reg.MPU_9250
         self._buffer = b""
         self._counter = Counter(1 << 16)
         self._clock = Clock(1000, 1 << 32)
@@ -126,6 +128,7 @@ class FrameParser:
         if reading is None:
             self.complaint = "the chip behind it has no new samples."
             return None
+        self.who_am_i = who_am_i
         now = self._clock.update(micros)
         if self._clock.step == 0:
             self._counter.restart()

@@ -59,6 +59,8 @@ class I2cBus:
             self._bus.i2c_rdwr(*messages)
         except OSError as error:
             raise _failed(self._number, address, error) from None
+        except TypeError:  # in between
+            raise BusError(f"{path(self._number)} has been closed.") from None
 
 
 def path(number: int) -> str:

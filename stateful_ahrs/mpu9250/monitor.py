@@ -85,6 +85,8 @@ class Monitor:
         counts = self.counts
         counts.samples += 1
         counts.missed += missed
+        if counts.samples == 1:  # whoever opens a port meets a stream in the midst of a sample
+            self._before["bytes_discarded"] = self._source.faults.bytes_discarded
         self._watch(reading, now)
         counts.mag_samples += reading.mag is not None
         counts.mag_overflows += reading.mag_overflow

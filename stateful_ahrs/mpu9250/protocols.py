@@ -7,6 +7,7 @@ from collections import deque
 from typing import NamedTuple, Protocol
 
 from ..rotor import Vector
+from . import registers as reg
 from .burst import MAG_SCALE, Reading
 
 LONGEST_LINE = 256  # bytes; the longest that any of the boards sends has 190
@@ -31,6 +32,7 @@ class Parser(Protocol):
 
     discarded: int  # bytes thrown away so far
     complaint: str  # why the last were, as far as it helps a user; "" if there is nothing to say
+    who_am_i: int  # the chip behind it, as far as the stream tells
 
     def feed(self, data: bytes) -> list[Record]:
         """The records that ``data`` completes; an incomplete one waits for the rest, bounded."""
@@ -94,6 +96,8 @@ class Steps:
 
 class LineParser:
     """The lines of a text protocol. What came before the first line end is never a whole line."""
+
+    who_am_i = reg.MPU_9250
 
     def __init__(self) -> None:
         self.discarded = 0

@@ -17,6 +17,7 @@ from .protocols import Clock, LineParser, Magnetometer, Record, Steps, plausible
 
 SEPARATOR = b", "
 VALUES = 9
+FEWEST = 3  # fields: one sensor without the time
 MEASURED = re.compile(rb"-?\d{1,4}\.\d\d")
 COUNT = re.compile(rb"-?\d{1,5}")
 TIME = re.compile(rb"\d{1,10}")
@@ -89,6 +90,8 @@ class RazorParser(LineParser):
                     4,
                 ):
                     return len(fields), timed, True
+        if len(fields) < FEWEST:  # digits between two line ends, as binary data have them
+            return None
         self.complaint = (
             f"its lines have {len(fields)} fields. Switch on the accelerometer, the gyroscope and "
             "the magnetometer at the board: keys a, g, m in a terminal."

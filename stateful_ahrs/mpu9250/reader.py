@@ -17,7 +17,7 @@ from .source import Sample, Source
 FIRST_PAUSE, LONGEST_PAUSE = 0.1, 5.0  # s before the device is looked for again, doubled each time
 WELL = 1_000_000_000  # ns of samples after which the device counts as found again
 TESTING = 5.0  # s that the self-test takes at most
-ENDING = 0.8  # s in which a read returns; a bus that hangs longer is left to itself
+ENDING = 0.5  # s in which a read returns; a bus that hangs longer is left to itself
 
 
 class Reader(threading.Thread):

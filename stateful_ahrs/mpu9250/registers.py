@@ -59,6 +59,7 @@ FIFO_COUNT_MASK = 0x1FFF
 FIFO_R_W = 0x74  # a burst from here takes bytes out of the FIFO
 FIFO_SIZE = 512
 WHO_AM_I = 0x75
+MPU_9250 = 0x71  # what it answers there
 
 # --- AK8963 --------------------------------------------------------------------------------------
 

@@ -11,6 +11,7 @@ import re
 import struct
 
 from ..rotor import Vector
+from . import registers as reg
 from .burst import AXES, HIGHEST, LOWEST, MAG_SCALE, STANDARD_GRAVITY, Reading
 from .protocols import Counter, LineParser, Magnetometer, Record, plausible
 
@@ -66,6 +67,8 @@ class RtUsbBinaryParser:
     ends as a header begins may have been cut and waits for the bytes that decide; but not for the
     sake of one or two, with which all frames end where the field points weakly downwards.
     """
+
+    who_am_i = reg.MPU_9250
 
     def __init__(self) -> None:
         self.discarded = 0

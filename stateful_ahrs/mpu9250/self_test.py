@@ -61,7 +61,7 @@ def self_test(
 
     Accelerometer first. `DeviceError` if the chip is not there, is silent, or was moved.
     """
-    chip = Mpu9250(bus, SETTINGS, address, sleep)
+    chip = Mpu9250(bus, SETTINGS, address, sleep, magnetometer=False)
     codes = bus.read(address, reg.SELF_TEST_ACCEL, 3) + bus.read(address, reg.SELF_TEST_GYRO, 3)
     sleep(SETTLING)
     at_rest = _mean(chip, sleep)

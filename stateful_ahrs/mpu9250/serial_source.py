@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import errno
+import termios
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from ..errors import DeviceError, UsageError
+from .chip import NAMES, SIX_AXES
 from .detect import EitherParser, parser
 from .self_test import Axis
 from .source import Faults, Sample
@@ -49,7 +51,7 @@ class SerialSource:
         try:
             self._port = serial.Serial(self._name, self._baudrate, timeout=WAIT, exclusive=True)
             self._port.reset_input_buffer()
-        except (OSError, ValueError) as error:  # pyserial's own are OSErrors
+        except (OSError, ValueError, termios.error) as error:  # pyserial's own are OSErrors
             raise self._closed(error) from None
         self._parser = parser(self._protocol)
         self._discarded = self.faults.bytes_discarded
@@ -93,12 +95,13 @@ class SerialSource:
 
     @property
     def has_magnetometer(self) -> bool:
-        """All boards have one, as far as is known."""
-        return True
+        """All have one but a bridge with an MPU-6500."""
+        return self._parser.who_am_i not in SIX_AXES
 
     def __str__(self) -> str:
         protocol = self._parser.name or f"protocol {self._protocol}"
-        return f"MPU-9250 at {self._name} ({protocol})"
+        without = "" if self.has_magnetometer else ", no magnetometer"
+        return f"{NAMES[self._parser.who_am_i]} at {self._name} ({protocol}{without})"
 
     def _silent(self) -> DeviceError:
         """Why there are no samples, as far as can be told."""
@@ -114,7 +117,7 @@ class SerialSource:
             f"{self._protocol}. Check baudrate ({self._baudrate}) and protocol."
         )
 
-    def _closed(self, error: OSError | ValueError) -> DeviceError:
+    def _closed(self, error: OSError | ValueError | termios.error) -> DeviceError:
         """Why the port cannot be opened, and what to do."""
         code = getattr(error, "errno", None)
         if code == errno.ENOENT:

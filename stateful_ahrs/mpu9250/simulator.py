@@ -125,6 +125,7 @@ class SimulatedMpu9250:
         self._who_am_i = who_am_i
         self._trims = trims
         self.self_test_response = [1.0] * len(AXES)  # as parts of the factory's
+        self.mag_gone = False  # the magnetometer acknowledges nothing
         self._mag: SimulatedAk8963 | None = None
         if who_am_i in WITH_MAGNETOMETER:
             self._mag = SimulatedAk8963(lambda now: self.world.mag(self._seconds(now)), fuses)
@@ -189,6 +190,7 @@ class SimulatedMpu9250:
         if (
             address != reg.AK_ADDRESS
             or self._mag is None
+            or self.mag_gone
             or not registers[reg.INT_PIN_CFG] & reg.BYPASS_EN
             or registers[reg.USER_CTRL] & reg.I2C_MST_EN
         ):
@@ -309,7 +311,7 @@ class SimulatedMpu9250:
         if not (registers[reg.USER_CTRL] & reg.I2C_MST_EN and control & reg.I2C_SLV0_EN):
             return
         slave, register = registers[reg.I2C_SLV0_ADDR], registers[reg.I2C_SLV0_REG]
-        if self._mag is None or slave & ~reg.I2C_READ != reg.AK_ADDRESS:
+        if self._mag is None or self.mag_gone or slave & ~reg.I2C_READ != reg.AK_ADDRESS:
             registers[reg.I2C_MST_STATUS] |= reg.I2C_SLV0_NACK
         elif slave & reg.I2C_READ:
             count = control & reg.I2C_SLV0_LENGTH_MASK

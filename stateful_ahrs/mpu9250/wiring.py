@@ -15,6 +15,7 @@ from .simulator import SimulatedMpu9250
 from .source import Source
 
 TRANSPORTS = ("sim", "i2c", "serial")
+FASTEST = 12_000_000  # bits a second, of any USB chip
 ADDRESSES = (reg.ADDRESS, reg.ADDRESS + 1)
 
 
@@ -41,8 +42,8 @@ class Wiring:
                 "i2c_address must be 104 (0x68) or, where the board pulls AD0 up, 105 (0x69), got "
                 f"{self.i2c_address}."
             )
-        if self.baudrate <= 0:
-            raise UsageError(f"baudrate must be above 0, got {self.baudrate}.")
+        if not 0 < self.baudrate <= FASTEST:
+            raise UsageError(f"baudrate must be between 1 and {FASTEST}, got {self.baudrate}.")
         if self.protocol not in PROTOCOLS:
             raise UsageError(
                 f"protocol must be one of {', '.join(PROTOCOLS)}, got {self.protocol!r}."

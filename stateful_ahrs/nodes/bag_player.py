@@ -17,7 +17,6 @@ from rclpy.exceptions import InvalidTopicNameException
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.utilities import remove_ros_args
 from rosgraph_msgs.msg import Clock
 
 from ..command import Parser, exit_with_sentence
@@ -27,7 +26,7 @@ from ..recordings.playback import Bag, Event, open_bag
 from ..recordings.progress import bar
 from ..recordings.wire import IMU, MAGNETIC_FIELD
 from . import messages, qos
-from .life import graph, one_line
+from .life import graph, one_line, own_arguments
 
 INERTIAL = (IMU, MAGNETIC_FIELD)
 WAIT = 5.0  # s; discovery repeats itself every 3 s where its first words were lost
@@ -208,11 +207,7 @@ def _options(argv: Sequence[str]) -> argparse.Namespace:
         metavar="N",
         help="of all topics together to wait for (default: one of an IMU or magnetometer topic)",
     )
-    try:
-        own = remove_ros_args(argv)
-    except Exception as error:
-        raise UsageError(f"the ROS arguments cannot be used: {one_line(error)}") from None
-    return parser.parse_args(own)
+    return parser.parse_args(own_arguments(argv))
 
 
 def _play() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 import sys
 import time
 from array import array
@@ -16,10 +17,8 @@ from typing import Any
 import numpy as np
 import rclpy
 from rcl_interfaces.srv import GetParameters
-from rclpy.executors import ExternalShutdownException
-from rclpy.experimental import EventsExecutor
+from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.node import Node
-from rclpy.utilities import remove_ros_args
 from sensor_msgs.msg import Imu, MagneticField, Temperature
 
 from ..command import Parser, exit_with_sentence
@@ -34,11 +33,11 @@ from ..recordings.progress import bar
 from ..recordings.temperature import temperature
 from . import messages, qos
 from .calibrate_view import View, described, result
-from .life import graph, one_line
+from .life import fastest_executor, graph, one_line, own_arguments
 
 LOOK = 0.5  # s between two looks at what there is
 NAP = 0.05  # s
-FIRST = 30.0  # s without a first sample
+FIRST = 15.0  # s without a first sample
 SILENT = 5.0  # s after the last: there will be no more
 ANSWER = 5.0  # s for the driver to say what it applies
 INSTRUCTIONS = {
@@ -124,8 +123,8 @@ class Listener(Node):
 
     def _on_mag(self, msg: MagneticField) -> None:
         self._took(msg)
-        reported = msg.magnetic_field_covariance[0] != -1.0
-        self.data.mag.extend(messages.vector(msg.magnetic_field) if reported else messages.NONE)
+        mag, _ = messages.reported(msg.magnetic_field, msg.magnetic_field_covariance)
+        self.data.mag.extend(mag)
 
     def _on_temperature(self, msg: Temperature) -> None:
         self.data.temperatures.append(msg.temperature)
@@ -171,7 +170,7 @@ def listened(job: argparse.Namespace) -> Data:
     data = Data()
     with graph():
         listener = Listener(job, data)
-        executor = EventsExecutor()
+        executor, _ = fastest_executor()
         executor.add_node(listener)
         try:
             _await_first(listener, executor)
@@ -184,26 +183,27 @@ def listened(job: argparse.Namespace) -> Data:
     return data
 
 
-def _spin(executor: EventsExecutor) -> None:
+def _spin(executor: Executor) -> None:
     """Take what has come; return soon."""
     with suppress(ExternalShutdownException):
         executor.spin_once(timeout_sec=NAP)
 
 
-def _await_first(listener: Listener, executor: EventsExecutor) -> None:
+def _await_first(listener: Listener, executor: Executor) -> None:
     """Wait for a sample; `CalibrationError` if there is none."""
     end = time.monotonic() + FIRST
-    while rclpy.ok() and not listener.samples:
-        if time.monotonic() > end:
-            publishers = listener.count_publishers(listener.topic)
+    publishers = 0
+    while not listener.samples:
+        if not rclpy.ok() or time.monotonic() > end:
             raise CalibrationError(
-                f"no sample on {listener.topic} for {FIRST:g} s ({publishers} publishers). Start "
-                "the driver, or name the topic (--imu, --mag)."
+                f"no sample on {listener.topic} ({publishers} publishers). Start the driver, or "
+                "name the topic (--imu, --mag)."
             )
+        publishers = listener.count_publishers(listener.topic)
         _spin(executor)
 
 
-def _publishers(listener: Listener, executor: EventsExecutor, end: float) -> list[str]:
+def _publishers(listener: Listener, executor: Executor, end: float) -> list[str]:
     """Full names of the nodes that publish the topic, as soon as they are known."""
     while rclpy.ok():
         infos = listener.get_publishers_info_by_topic(listener.topic)
@@ -216,7 +216,7 @@ def _publishers(listener: Listener, executor: EventsExecutor, end: float) -> lis
     return []
 
 
-def _refuse_calibrated(listener: Listener, executor: EventsExecutor) -> None:
+def _refuse_calibrated(listener: Listener, executor: Executor) -> None:
     """Raise `CalibrationError` if a node that publishes says that it applies a calibration."""
     end = time.monotonic() + ANSWER
     for name in _publishers(listener, executor, end):
@@ -236,9 +236,7 @@ def _refuse_calibrated(listener: Listener, executor: EventsExecutor) -> None:
             )
 
 
-def _collect(
-    job: argparse.Namespace, listener: Listener, executor: EventsExecutor, view: View
-) -> None:
+def _collect(job: argparse.Namespace, listener: Listener, executor: Executor, view: View) -> None:
     """Return when the samples are enough, none come any more, or the user has had enough."""
     begin = time.monotonic()
     look = begin + LOOK
@@ -307,11 +305,7 @@ def _job(argv: Sequence[str]) -> argparse.Namespace:
         metavar="N",
         help="accel, live: end at so many positions (default: %(default)s)",
     )
-    try:
-        own = remove_ros_args(["calibrate", *argv])[1:]
-    except Exception as error:
-        raise UsageError(f"the ROS arguments cannot be used: {one_line(error)}") from None
-    job = parser.parse_args(own)
+    job = parser.parse_args(own_arguments(["calibrate", *argv])[1:])
     if not 9.7 < job.gravity < 9.9:
         raise UsageError(f"--gravity must be between 9.7 and 9.9 m/s², got {job.gravity:g}.")
     if job.positions < len(coverage.FACES):
@@ -327,6 +321,8 @@ def _calibrate(argv: Sequence[str]) -> None:
     job = _job(argv)
     if job.output.is_dir() or not job.output.parent.is_dir():
         raise UsageError(f"--output {job.output} is no place for a file.")
+    if not os.access(job.output.parent, os.W_OK):
+        raise UsageError(f"--output {job.output}: you may not write into that folder.")
     before = calibration_file.merged(job.output, "")  # what is wrong with it, at once
     data = recorded(job) if job.bag else listened(job)
     correction = fit(job.sensor_kind, data, job.gravity)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Quaternion, QuaternionStamped, Vector3Stamped
-from rclpy.experimental import EventsExecutor
+from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
@@ -30,6 +30,7 @@ from ..rotor import Rotor, Vector
 from . import messages, qos
 from .children import Children, own_domain
 from .demo_view import View, turns
+from .life import fastest_executor
 
 RATE = 200.0  # Hz, of the simulated sensor
 MOTION = "tumble"
@@ -159,7 +160,7 @@ class Demo:
             children.start("fusion")
             rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
             listener = Listener()
-            executor = EventsExecutor()
+            executor, _ = fastest_executor()
             executor.add_node(listener)
             try:
                 with View(self._source.title, self._duration) as view:
@@ -171,7 +172,7 @@ class Demo:
         self._conclude(listener)
 
     def _watch(
-        self, listener: Listener, children: Children, view: View, executor: EventsExecutor
+        self, listener: Listener, children: Children, view: View, executor: Executor
     ) -> None:
         """Return at the end of the bag, or of the duration."""
         begin = time.monotonic()

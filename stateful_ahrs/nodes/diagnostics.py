@@ -38,8 +38,10 @@ class Diagnostics:
             self._level = level
             if level == OK:
                 self._node.get_logger().info(message)
-            else:
+            elif level == WARN:
                 self._node.get_logger().warning(message)
+            else:
+                self._node.get_logger().error(message)
         status = DiagnosticStatus(
             level=level, name=self._name, message=message, hardware_id=self._hardware_id
         )

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import sys
 import time
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
+from pathlib import Path
 from typing import Any
 
 from geometry_msgs.msg import TransformStamped, Vector3Stamped
@@ -17,17 +18,22 @@ from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
 from .. import filters, rotor
-from ..errors import UsageError
+from ..errors import AhrsError, UsageError
 from ..filters.frames import WorldFrame
 from ..filters.pairing import Pairing
 from ..filters.rest import MovedError, RestWindow
+from ..filters.settings import NOTHING, Known
 from ..filters.stamps import StampGate
+from ..mpu9250 import calibration_file
 from ..rotor import Rotor, Vector
-from . import life, messages, qos
+from . import lane, life, messages, qos
+from .cdr import Inertial
 from .diagnostics import ERROR, OK, WARN, Diagnostics, Once, Status
 from .parameters import Parameters, Spec
 
+ZERO: Vector = (0.0, 0.0, 0.0)
 NO_NORTH = math.pi  # rad: the standard deviation of a yaw that no magnetometer has told
+USUAL_STDDEV = 0.03  # rad: of a filter that has no word on it
 REPORTED = len(fields(filters.Report))  # what follows in a report is the filter's own
 SILENT = 1.0  # s without a sample before /diagnostics says so
 
@@ -48,20 +54,53 @@ PARAMETERS = [
         limits=(0.0, 1e6),
     ),
     Spec(
+        "alpha_heading",
+        -1.0,
+        "the same for heading; negative: as fast as the filter finds right, or as alpha",
+        live=True,
+        limits=(-1.0, 1.0),
+    ),
+    Spec(
         "stateful",
         True,
         "false: snapshots keep their own sign, the paper's failing baseline",
         live=True,
     ),
     Spec("use_mag", True, "false: heading follows the gyroscope", live=True),
-    Spec("learn_misalignment", True, "filter learning: false keeps what is known", live=True),
-    Spec("learn_mag", True, "its magnetometer's delay and hard iron, likewise", live=True),
+    Spec("low_pass", True, "of the acceleration, where gravity stands still", live=True),
+    Spec("learn_bias", True, "of the gyroscope; false keeps what is known", live=True),
+    Spec("learn_misalignment", True, "of the gyroscope's axes, likewise", live=True),
+    Spec("learn_mag", True, "the magnetometer's delay and hard iron, likewise", live=True),
+    Spec("weigh_mag", True, "trust a changed magnetic field the less", live=True),
+    Spec("normalise", True, "the rotor after each blend", live=True),
+    Spec("average_start", True, "begin with a mean of all samples", live=True),
+    Spec("calibration_file", "", "YAML with what was learned; ~/save_calibration writes it"),
     Spec("world_frame", "enu", "enu, nwu or ned: axes of the frame that orientation is given in"),
     Spec("magnetic_declination", 0.0, "rad, from true to magnetic north, east positive"),
-    Spec("orientation_stddev", 0.03, "rad, for the covariance of the orientation", live=True),
+    Spec(
+        "orientation_stddev",
+        -1.0,
+        "rad, for the covariance of the orientation; negative: the filter's own",
+        live=True,
+    ),
+    lane.FAST_LANE,
     Spec("publish_tf", False, "broadcast the orientation on /tf (needs tf2_ros)"),
     Spec("tf_parent", "map", "parent frame of that transform"),
 ]
+
+
+SWITCHES = (
+    "alpha_heading",
+    "stateful",
+    "use_mag",
+    "low_pass",
+    "learn_bias",
+    "learn_misalignment",
+    "learn_mag",
+    "weigh_mag",
+    "normalise",
+    "average_start",
+)  # parameters that are settings as they are
 
 
 class Fusion(Node):
@@ -69,16 +108,20 @@ class Fusion(Node):
 
     def __init__(self) -> None:
         super().__init__("fusion")
+        self._known = NOTHING
         self._chosen = Parameters(self, PARAMETERS, accept=self._settings, apply=self._apply)
         values = self._chosen.values
+        self._lane = lane.choose(values["fast_lane"])
+        self._unknown = self._lane.covariance(messages.UNKNOWN)
         self._world = WorldFrame(values["world_frame"], values["magnetic_declination"])
+        self._known = self._load(values["calibration_file"])
         self._filter = filters.make(values["filter"], self._settings(values))
         self._apply(values)
         self._gate = StampGate()
         self._pairing = Pairing()
         self._rest = RestWindow()
         self._turn = rotor.Turn()
-        self._bias: Vector = (0.0, 0.0, 0.0)
+        self._bias = ZERO
         self._orientation: Rotor = rotor.IDENTITY
         self._once = Once(self)
         self._imu_count = self._mag_count = 0
@@ -92,10 +135,11 @@ class Fusion(Node):
         self._angle_out = qos.advertise(self, Float64, "imu/angle")
         self._rpy_out = qos.advertise(self, Vector3Stamped, "imu/rpy")
         self._broadcaster = self._transform_broadcaster() if values["publish_tf"] else None
-        self._mag_in = qos.subscribe(self, MagneticField, "imu/mag", self._on_mag, self._on_lost)
-        self._imu_in = qos.subscribe(self, Imu, "imu/data_raw", self._on_imu, self._on_lost)
+        self._mag_in = self._subscribe(MagneticField, "imu/mag", self._on_mag)
+        self._imu_in = self._subscribe(Imu, "imu/data_raw", self._on_imu)
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_service(Trigger, "~/calibrate_gyro", self._on_calibrate_gyro)
+        self.create_service(Trigger, "~/save_calibration", self._on_save_calibration)
         self._jump_handle = self.get_clock().create_jump_callback(
             JumpThreshold(
                 min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=False
@@ -113,34 +157,59 @@ class Fusion(Node):
 
     def _settings(self, values: dict[str, Any]) -> filters.Settings:
         """The filter's settings; an `AhrsError` if the values make none."""
-        if not 0.0 <= values["orientation_stddev"] < math.inf:
+        if not -math.inf < values["orientation_stddev"] < math.inf:
             raise UsageError(
-                f"orientation_stddev must be 0 or more rad, got {values['orientation_stddev']}."
+                f"orientation_stddev must be finite, in rad, or negative for the filter's own, "
+                f"got {values['orientation_stddev']}."
             )
         world = WorldFrame(values["world_frame"], values["magnetic_declination"])
         return filters.Settings(
             alpha=values["alpha"],
             alpha_rate=values["alpha_rate"],
-            stateful=values["stateful"],
-            use_mag=values["use_mag"],
-            learn_misalignment=values["learn_misalignment"],
-            learn_mag=values["learn_mag"],
             north_at_start=world.north_at_zero_yaw,
+            known=self._known,
+            **{name: values[name] for name in SWITCHES},
         )
 
     def _apply(self, values: dict[str, Any]) -> None:
         """Take new values from the next sample on."""
         self._filter.settings = self._settings(values)
-        variance = values["orientation_stddev"] ** 2
-        self._covariance = messages.diagonal(variance)
-        self._covariance_without_north = [*self._covariance[:8], NO_NORTH**2]
+        self._fixed_stddev = values["orientation_stddev"]
+        self._covariance_of: tuple[float, float] | None = None
+
+    def _orientation_covariance(self) -> Any:
+        """About the axes of the earth frame: x and y are tilt, z is heading."""
+        stddev = self._filter.stddev
+        if self._fixed_stddev >= 0.0 or stddev is None:
+            tilt = self._fixed_stddev if self._fixed_stddev >= 0.0 else USUAL_STDDEV
+            stddev = (tilt, tilt if self._filter.heading_known else NO_NORTH)
+        if stddev != self._covariance_of:
+            self._covariance_of = stddev
+            found = messages.about_the_vertical(stddev[0], min(stddev[1], NO_NORTH))
+            self._covariance = self._lane.covariance(found)
+        return self._covariance
+
+    def _load(self, path: str) -> Known:
+        """What an earlier run learned; nothing as long as there is no file."""
+        if not path:
+            return NOTHING
+        if not Path(path).exists():
+            self.get_logger().info(f"{path} does not exist yet: ~/save_calibration writes it.")
+            return NOTHING
+        return calibration_file.load(path).learned
 
     # Samples in
 
-    def _on_imu(self, msg: Imu) -> None:
+    def _subscribe(self, kind: type, topic: str, callback: Any) -> Any:
+        return qos.subscribe(self, kind, topic, callback, self._on_lost, raw=self._lane.raw)
+
+    def _on_imu(self, message: Any) -> None:
         self._imu_count += 1
         self._imu_arrival = time.monotonic()
-        stamp = messages.nanoseconds(msg.header.stamp)
+        sample = self._lane.inertial(message)
+        if sample is None:
+            return
+        stamp = sample.stamp
         dt = self._gate.step(stamp, self._now() if stamp == 0 else 0)
         if self._gate.news:
             self._once.warn(*self._gate.news)
@@ -149,23 +218,29 @@ class Fusion(Node):
         stamp = self._gate.last
         if dt == 0.0:
             self._pairing.restart(stamp)
-        gyro, accel = messages.rates_and_force(msg)
-        self._rest.add(gyro, dt)
-        gyro = rotor.minus(gyro, self._bias)
+        self._rest.add(sample.gyro, dt)
+        gyro = rotor.minus(sample.gyro, self._bias)
         mag = self._pairing.take(stamp)
         if mag is not None:
             self._filter.update_mag(mag)
-        attitude = self._filter.update_imu(gyro, accel, dt)
-        self._publish(msg, stamp, attitude, gyro, accel)
+        attitude = self._filter.update_imu(gyro, sample.accel, dt)
+        if self._filter.started:
+            self._orientation = self._world.update(attitude)
+        if self._imu_out.wanted:
+            self._publish(sample, stamp, rotor.minus(gyro, self._filter.bias))
+        if self._filter.started:
+            self._publish_derived(sample, stamp)
 
-    def _on_mag(self, msg: MagneticField) -> None:
+    def _on_mag(self, message: Any) -> None:
         self._mag_count += 1
         self._mag_arrival = time.monotonic()
-        mag = messages.vector(msg.magnetic_field)
+        sample = self._lane.magnetic(message)
+        if sample is None:
+            return
+        stamp, mag = sample
         if not messages.finite(mag):
             self._mag_empty += 1
             return
-        stamp = messages.nanoseconds(msg.header.stamp)
         if stamp == 0:
             self._mag_unstamped += 1
             stamp = self._gate.last + 1  # it belongs to the next inertial sample
@@ -187,49 +262,46 @@ class Fusion(Node):
 
     # Orientation out
 
-    def _publish(self, msg: Imu, stamp: int, attitude: Rotor, gyro: Vector, accel: Vector) -> None:
-        out = Imu(header=msg.header)
-        out.header.stamp = messages.time(stamp)
-        if self._filter.started:
-            self._orientation = self._world.update(attitude)
-            out.orientation = messages.quaternion_message(self._orientation)
-            out.orientation_covariance = (
-                self._covariance if self._filter.heading_known else self._covariance_without_north
+    def _publish(self, sample: Inertial, stamp: int, gyro: Vector) -> None:
+        """Publish imu/data: the sample, its rates less the bias, with the orientation."""
+        started = self._filter.started
+        covariance = self._orientation_covariance() if started else self._unknown
+        accel = sample.accel
+        gyro_covariance, accel_covariance = sample.gyro_covariance, sample.accel_covariance
+        if not messages.finite(gyro):
+            gyro, gyro_covariance = ZERO, self._unknown
+        if not messages.finite(accel):
+            accel, accel_covariance = ZERO, self._unknown
+        self._imu_out.publish(
+            self._lane.imu(
+                stamp,
+                sample.frame,
+                self._orientation if started else rotor.IDENTITY,
+                covariance,
+                gyro,
+                gyro_covariance,
+                accel,
+                accel_covariance,
             )
-        else:
-            out.orientation_covariance = messages.UNKNOWN
-        out.angular_velocity_covariance = msg.angular_velocity_covariance
-        if messages.finite(gyro):
-            out.angular_velocity = messages.vector_message(gyro)
-        else:
-            out.angular_velocity_covariance = messages.UNKNOWN
-        out.linear_acceleration_covariance = msg.linear_acceleration_covariance
-        if messages.finite(accel):
-            out.linear_acceleration = messages.vector_message(accel)
-        else:
-            out.linear_acceleration_covariance = messages.UNKNOWN
-        self._imu_out.publish(out)
-        if self._filter.started:
-            self._publish_derived(out)
+        )
 
-    def _publish_derived(self, out: Imu) -> None:
+    def _publish_derived(self, sample: Inertial, stamp: int) -> None:
         """Publish what is computed from the orientation only while someone listens."""
-        orientation = self._orientation
-        axis_wanted = self._axis_out.get_subscription_count() > 0
-        angle_wanted = self._angle_out.get_subscription_count() > 0
-        self._turn.update(orientation, coarse=not (axis_wanted or angle_wanted))
+        axis_wanted, angle_wanted = self._axis_out.wanted, self._angle_out.wanted
+        self._turn.update(self._orientation, coarse=not (axis_wanted or angle_wanted))
         if axis_wanted:
-            axis = messages.vector_message(self._turn.axis)
-            self._axis_out.publish(Vector3Stamped(header=out.header, vector=axis))
+            self._axis_out.publish(self._lane.vector(stamp, sample.frame, self._turn.axis))
         if angle_wanted:
-            self._angle_out.publish(Float64(data=self._turn.angle))
-        if self._rpy_out.get_subscription_count() > 0:
-            rpy = messages.vector_message(rotor.euler(orientation))
-            self._rpy_out.publish(Vector3Stamped(header=out.header, vector=rpy))
+            self._angle_out.publish(self._lane.number(self._turn.angle))
+        if self._rpy_out.wanted:
+            rpy = rotor.euler(self._orientation)
+            self._rpy_out.publish(self._lane.vector(stamp, sample.frame, rpy))
         if self._broadcaster is not None:
-            transform = TransformStamped(header=out.header, child_frame_id=out.header.frame_id)
-            transform.header.frame_id = self._chosen["tf_parent"]
-            transform.transform.rotation = out.orientation
+            transform = TransformStamped(
+                header=messages.header(stamp, self._chosen["tf_parent"]),
+                child_frame_id=self._lane.name(sample.frame),
+            )
+            transform.transform.rotation = messages.quaternion_message(self._orientation)
             self._broadcaster.sendTransform(transform)
 
     def _transform_broadcaster(self) -> Any:
@@ -255,12 +327,32 @@ class Fusion(Node):
         self, _: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
         try:
-            self._bias = self._rest.bias()
+            bias = self._rest.bias()
         except MovedError as error:
             response.success, response.message = False, str(error)
             return response
+        self._bias = rotor.minus(bias, self._filter.bias)  # the filter takes what it learned
         response.success = True
-        response.message = "bias " + " ".join(f"{value:+.6f}" for value in self._bias) + " rad/s"
+        response.message = "bias " + " ".join(f"{value:+.6f}" for value in bias) + " rad/s"
+        return response
+
+    def _on_save_calibration(
+        self, _: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        path = self._chosen["calibration_file"]
+        known = self._filter.known
+        try:
+            if not path:
+                raise UsageError("calibration_file is empty: start fusion with the file to write.")
+            if known is None:
+                raise UsageError(f"filter {self._chosen['filter']} learns nothing of the sensors.")
+            known = replace(known, bias=rotor.total(known.bias, self._bias))
+            calibration_file.save_learned(path, known)
+        except AhrsError as error:
+            response.success, response.message = False, str(error)
+            return response
+        response.success = True
+        response.message = f"{path}: what was learned; fusion starts from it the next time."
         return response
 
     def _status(self, elapsed: float) -> Status:
@@ -284,7 +376,10 @@ class Fusion(Node):
             "imu_age_s": imu_age,
             "mag_age_s": mag_age,
             "heading": "magnetometer" if report.heading_from_mag else "gyroscope",
-            "gyro_bias_rad_s": " ".join(f"{value:.6f}" for value in self._bias),
+            "gyro_bias_rad_s": " ".join(
+                f"{value:.6f}" for value in rotor.total(self._bias, self._filter.bias)
+            ),
+            "calibration_file": self._chosen["calibration_file"],
             "sign_corrections": report.sign_corrections,
             "gyro_rejected": report.gyro_rejected,
             "accel_rejected": report.accel_rejected,
@@ -295,6 +390,8 @@ class Fusion(Node):
             "mag_superseded": self._pairing.superseded,
             "mag_late": self._pairing.late,
             "lost_in_transport": self._lost,
+            "malformed": self._lane.malformed,
+            "left_the_fast_lane": self._lane.slow,
             **{f"stamps_{name}": count for name, count in asdict(self._gate.counts).items()},
         }
         samples = self._imu_count - self._imu_count_before
@@ -319,6 +416,8 @@ class Fusion(Node):
         if mag_age > SILENT:
             what = self._silence(self._mag_in.topic_name, mag_age)
             return WARN, f"{what} Heading follows the gyroscope.", values
+        if getattr(report, "mag_trust", 1.0) <= filters.DISTURBED:
+            return WARN, "The magnetic field is disturbed: heading follows the gyroscope.", values
         if not report.heading_from_mag:
             return WARN, "No usable magnetometer sample: heading follows the gyroscope.", values
         return OK, "Orientation from nine axes.", values

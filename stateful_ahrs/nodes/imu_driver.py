@@ -14,7 +14,6 @@ from geometry_msgs.msg import QuaternionStamped
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from sensor_msgs.msg import Imu, MagneticField, Temperature
-from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
 from ..errors import AhrsError, UsageError
@@ -27,7 +26,8 @@ from ..mpu9250.motion import MOTIONS, motion
 from ..mpu9250.reader import Reader
 from ..mpu9250.simulator import SimulatedMpu9250
 from ..mpu9250.wiring import TRANSPORTS, Wiring
-from . import life, messages, qos
+from ..rotor import IDENTITY
+from . import lane, life, messages, qos
 from .diagnostics import ERROR, OK, WARN, Diagnostics, Status
 from .parameters import Parameters, Spec
 
@@ -51,6 +51,7 @@ PARAMETERS = [
     Spec("angular_velocity_stddev", 0.0017, "rad/s (data sheet, 92 Hz)", live=True),
     Spec("linear_acceleration_stddev", 0.078, "m/s² (data sheet, 94 Hz)", live=True),
     Spec("magnetic_field_stddev", 0.6e-6, "tesla (data sheet)", live=True),
+    lane.FAST_LANE,
     Spec("sim_motion", "tumble", f"sim: motion of the sensor, one of {', '.join(MOTIONS)}"),
     Spec("sim_seed", 0, "sim: seed of the sensor's noise"),
 ]
@@ -62,6 +63,9 @@ class ImuDriver(Node):
     def __init__(self) -> None:
         super().__init__("imu_driver")
         self._chosen = Parameters(self, PARAMETERS, accept=_accept, apply=self._apply)
+        self._lane = lane.choose(self._chosen["fast_lane"])
+        self._frame = self._lane.frame(self._chosen["frame_id"])
+        self._unknown = self._lane.covariance(messages.UNKNOWN)
         self._apply(self._chosen.values)
         self._imu_out = qos.advertise(self, Imu, "imu/data_raw")
         self._mag_out = qos.advertise(self, MagneticField, "imu/mag")
@@ -90,52 +94,48 @@ class ImuDriver(Node):
         self._reader.start()
 
     def _apply(self, values: dict[str, Any]) -> None:
-        self._gyro_covariance = messages.diagonal(values["angular_velocity_stddev"] ** 2)
-        self._accel_covariance = messages.diagonal(values["linear_acceleration_stddev"] ** 2)
-        self._mag_covariance = messages.diagonal(values["magnetic_field_stddev"] ** 2)
+        self._gyro_covariance, self._accel_covariance, self._mag_covariance = (
+            self._lane.covariance(messages.diagonal(values[f"{name}_stddev"] ** 2))
+            for name in ("angular_velocity", "linear_acceleration", "magnetic_field")
+        )
 
     def _on_reading(self, reading: Reading, stamp: int) -> None:
         """Publish one sample: all its messages share one stamp, the magnetometer's comes first."""
         reading = self._corrector.correct(reading, stamp)
-        header = Header(stamp=messages.time(stamp), frame_id=self._chosen["frame_id"])
         try:
-            if reading.mag is not None:
-                field = messages.vector_message(reading.mag)
+            if reading.mag is not None and self._mag_out.wanted:
                 self._mag_out.publish(
-                    MagneticField(
-                        header=header,
-                        magnetic_field=field,
-                        magnetic_field_covariance=self._mag_covariance,
+                    self._lane.magnetic_field(stamp, self._frame, reading.mag, self._mag_covariance)
+                )
+            if self._imu_out.wanted:
+                self._imu_out.publish(
+                    self._lane.imu(
+                        stamp,
+                        self._frame,
+                        IDENTITY,
+                        self._unknown,
+                        reading.gyro,
+                        self._gyro_covariance,
+                        reading.accel,
+                        self._accel_covariance,
                     )
                 )
-            self._imu_out.publish(
-                Imu(
-                    header=header,
-                    orientation_covariance=messages.UNKNOWN,
-                    angular_velocity=messages.vector_message(reading.gyro),
-                    angular_velocity_covariance=self._gyro_covariance,
-                    linear_acceleration=messages.vector_message(reading.accel),
-                    linear_acceleration_covariance=self._accel_covariance,
-                )
-            )
-            if (
-                math.isfinite(reading.temperature)
-                and self._temperature_out.get_subscription_count() > 0
-            ):
+            if self._temperature_out.wanted and math.isfinite(reading.temperature):
+                header = messages.header(stamp, self._chosen["frame_id"])
                 self._temperature_out.publish(
                     Temperature(header=header, temperature=reading.temperature)
                 )
-            if self._simulator is not None and self._truth_out.get_subscription_count() > 0:
-                self._publish_truth(self._simulator, header, stamp)
+            if self._simulator is not None and self._truth_out.wanted:
+                self._publish_truth(self._simulator, stamp)
         except rclpy_implementation.RCLError:
             if rclpy.ok():  # else the context ended in between
                 raise
 
-    def _publish_truth(self, simulator: SimulatedMpu9250, header: Header, stamp: int) -> None:
+    def _publish_truth(self, simulator: SimulatedMpu9250, stamp: int) -> None:
         truth = self._enu.update(simulator.truth_at(stamp).rotor)
         self._truth_out.publish(
             QuaternionStamped(
-                header=Header(stamp=header.stamp, frame_id="map"),
+                header=messages.header(stamp, "map"),
                 quaternion=messages.quaternion_message(truth),
             )
         )

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Quaternion, Vector3
 from sensor_msgs.msg import Imu
+from std_msgs.msg import Header
 
 from ..rotor import Rotor, Vector
+from .cdr import NONE
 
-NONE: Vector = (math.nan, math.nan, math.nan)
 UNKNOWN = [-1.0] + [0.0] * 8  # REP-145: the field is not reported
 
 
@@ -23,6 +25,11 @@ def time(stamp: int) -> Time:
     """Nanoseconds as a stamp."""
     sec, nanosec = divmod(stamp, 1_000_000_000)
     return Time(sec=sec, nanosec=nanosec)
+
+
+def header(stamp: int, frame: str) -> Header:
+    """A header; ``stamp`` in ns."""
+    return Header(stamp=time(stamp), frame_id=frame)
 
 
 def vector(v: Vector3) -> Vector:
@@ -42,17 +49,25 @@ def quaternion_message(q: Rotor) -> Quaternion:
 
 def rates_and_force(msg: Imu) -> tuple[Vector, Vector]:
     """Angular velocity and linear acceleration; NaN for what is not reported (REP-145)."""
-    gyro, accel = vector(msg.angular_velocity), vector(msg.linear_acceleration)
-    if msg.angular_velocity_covariance[0] == -1.0:
-        gyro = NONE
-    if msg.linear_acceleration_covariance[0] == -1.0:
-        accel = NONE
+    gyro, _ = reported(msg.angular_velocity, msg.angular_velocity_covariance)
+    accel, _ = reported(msg.linear_acceleration, msg.linear_acceleration_covariance)
     return gyro, accel
+
+
+def reported(v: Vector3, covariance: Sequence[float]) -> tuple[Vector, Sequence[float]]:
+    """A vector, NaN if it is not reported (REP-145), and its covariance."""
+    return NONE if covariance[0] == -1.0 else vector(v), covariance
 
 
 def diagonal(variance: float) -> list[float]:
     """A 3 × 3 covariance, row-major."""
     return [variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance]
+
+
+def about_the_vertical(tilt: float, heading: float) -> list[float]:
+    """A 3 × 3 covariance, row-major, of standard deviations (rad) about level axes and vertical."""
+    level, vertical = tilt * tilt, heading * heading
+    return [level, 0.0, 0.0, 0.0, level, 0.0, 0.0, 0.0, vertical]
 
 
 def finite(v: Vector) -> bool:

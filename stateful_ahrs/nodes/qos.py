@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -23,14 +23,41 @@ PUBLISHER = QoSProfile(depth=100)
 SENSOR_SUBSCRIBER = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
-def advertise(node: Node, kind: type, topic: str) -> Any:
+class Output:
+    """A publisher that is ``wanted`` while someone listens.
+
+    The middleware tells when that changes: to ask it for each sample costs more than to publish.
+    """
+
+    def __init__(self, node: Node, kind: type, topic: str) -> None:
+        self.wanted = False
+        publisher = node.create_publisher(
+            kind,
+            topic,
+            PUBLISHER,
+            event_callbacks=PublisherEventCallbacks(matched=self._on_matched),
+            qos_overriding_options=OVERRIDABLE,
+        )
+        self.topic_name = publisher.topic_name
+        self.publish = publisher.publish
+
+    def _on_matched(self, event: Any) -> None:
+        self.wanted = event.current_count > 0
+
+
+def advertise(node: Node, kind: type, topic: str) -> Output:
     """A publisher of the node; `UsageError` if its QoS was overridden with what is none."""
     with _refused(node, topic):
-        return node.create_publisher(kind, topic, PUBLISHER, qos_overriding_options=OVERRIDABLE)
+        return Output(node, kind, topic)
 
 
-def subscribe(node: Node, kind: type, topic: str, callback: Any, on_lost: Any) -> Any:
-    """A sensor subscription; ``on_lost`` hears of samples that the middleware lost."""
+def subscribe(
+    node: Node, kind: type, topic: str, callback: Any, on_lost: Any, raw: bool = False
+) -> Any:
+    """A sensor subscription; ``on_lost`` hears of samples that the middleware lost.
+
+    ``raw``: the callback gets the bytes of each message.
+    """
     with _refused(node, topic):
         return node.create_subscription(
             kind,
@@ -39,6 +66,7 @@ def subscribe(node: Node, kind: type, topic: str, callback: Any, on_lost: Any) -
             SENSOR_SUBSCRIBER,
             event_callbacks=SubscriptionEventCallbacks(message_lost=on_lost),
             qos_overriding_options=OVERRIDABLE,
+            raw=raw,
         )
 
 

@@ -36,14 +36,11 @@ def dcm(accel: Vector, mag: Vector) -> tuple[bool, Rotor]:
     mx, my, mz = cy * az - cz * ay, cz * ax - cx * az, cx * ay - cy * ax  # north
     cx, cy, cz = a * cx, a * cy, a * cz  # west
     ax, ay, az = c * ax, c * ay, c * az  # up
-    return True, from_columns((mx, my, mz), (cx, cy, cz), (ax, ay, az), one)
+    return True, from_columns(one, (mx, my, mz), (cx, cy, cz), (ax, ay, az))
 
 
-def from_columns(north: Vector, west: Vector, up: Vector, one: float) -> Rotor:
-    """Rotor sensor → earth from the earth's axes in the sensor frame, of length ``one`` each.
-
-    Eq. 6–10; eq. 7 with four sums shared.
-    """
+def from_columns(one: float, north: Vector, west: Vector, up: Vector) -> Rotor:
+    """Rotor sensor → earth from the earth's axes in the sensor frame, ``one`` long (eq. 6–10)."""
     (mx, my, mz), (cx, cy, cz), (ax, ay, az) = north, west, up
     more, less, both, apart = one + mx, one - mx, cy + az, cy - az
     d0, d1, d2, d3 = more + both, more - both, less + apart, less - apart  # eq. 7

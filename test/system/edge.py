@@ -18,6 +18,7 @@ HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 sys.path.insert(0, str(HERE.parent))  # for `sensor` and the boards it carries
 SHIM_SOURCE = HERE / "i2c_shim.c"
+OK, WARN, ERROR = 0, 1, 2
 
 
 class Simulator:
@@ -104,11 +105,12 @@ def board(folder: Path, kind: str, moving: str = "rest", **options: float) -> It
 
 
 class Health:
-    """What imu_driver says of itself on /diagnostics."""
+    """What the imu_driver ``node``, with its namespace, says of itself on /diagnostics."""
 
-    def __init__(self, graph: Graph) -> None:
+    def __init__(self, graph: Graph, node: str = "imu_driver") -> None:
         from diagnostic_msgs.msg import DiagnosticArray
 
+        self._name = f"{node}: sensor"
         self._heard: list[Any] = graph.hear(DiagnosticArray, "/diagnostics")
 
     @property
@@ -118,7 +120,7 @@ class Health:
             (status.level[0], status.message, {v.key: v.value for v in status.values})
             for array in self._heard
             for status in array.status
-            if status.name.startswith("imu_driver")
+            if status.name == self._name
         ]
 
     def until(self, level: int, sentence: str = "", count: int = 1) -> dict[str, str]:
@@ -134,3 +136,14 @@ class Health:
         except AssertionError as error:
             raise AssertionError(f"{error}; said was {[r[:2] for r in self.reports]}") from None
         return next(r[2] for r in reversed(self.reports) if r[0] == level and sentence in r[1])
+
+    def suffers(self, device: Simulator, faults: dict[str, tuple[str, str]]) -> None:
+        """One after the other: a warning that is counted, and well again. No sample's loss more.
+
+        ``faults``: what is done to the device → sentence, and the count that goes up.
+        """
+        for fault, (sentence, count) in faults.items():
+            device.do(*fault.split())
+            assert int(self.until(WARN, sentence)[count]) > 0
+            device.do("heal")
+            assert self.until(OK)["losses"] == "0"

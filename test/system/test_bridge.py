@@ -58,6 +58,10 @@ class Running:
             self.records += self.parser.feed(self._port.read() or b"")
             time.sleep(0.01)
 
+    def more(self, count: int) -> None:
+        enough = len(self.records) + count
+        self.until(lambda: len(self.records) >= enough)
+
     def end(self) -> None:
         self._process.kill()
         self._process.wait()
@@ -80,7 +84,7 @@ def test_the_sketch_sends_what_the_chip_measures(
 ):
     with edge.i2c(shim, tmp_path, monkeypatch) as simulator:
         running = Running(bridge)
-        running.until(lambda: len(running.records) > 1500)
+        running.more(800)
         running.end()
         simulator.do("log")
     records, parser = running.records, running.parser
@@ -96,29 +100,30 @@ def test_the_sketch_sends_what_the_chip_measures(
     # a busy machine reads late, now and then even late by much, but never only late
     assert min(map(abs, late)) < 1_000_000
     mags = [record.reading.mag for record in records if record.reading.mag]
-    assert len(mags) == pytest.approx(len(records) / 10, rel=0.3)
+    assert len(records) / 20 < len(mags) < len(records)  # a tenth; more where samples were missed
     assert mags[-1] == pytest.approx((25e-6, 0.0, -43e-6), abs=4e-6)
     assert meaning(0x71, 0x06, bytes(FUSES)).size == 23
 
 
-@pytest.mark.parametrize("fault", ["power", "unplug", "stuck"])
 def test_the_sketch_starts_a_chip_anew_that_failed(
-    bridge: Path, shim: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: str
+    bridge: Path, shim: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     with edge.i2c(shim, tmp_path, monkeypatch) as simulator:
         running = Running(bridge)
-        running.until(lambda: len(running.records) > 300)
-        simulator.do(fault)
-        running.until(lambda: running.parser.complaint)
-        if fault != "power":
-            simulator.do({"unplug": "plug", "stuck": "stuck 0"}[fault].split()[0], 0)
-        begin = len(running.records)
-        running.until(lambda: len(running.records) > begin + 300)
+        records, parser = running.records, running.parser
+        for fault, mended in [("power", "heal"), ("unplug", "plug"), ("stuck 1", "stuck 0")]:
+            running.more(200)
+            parser.complaint = ""
+            simulator.do(*fault.split())
+            running.until(lambda: parser.complaint)
+            assert "nobody drives the bus" in parser.complaint
+            simulator.do(*mended.split())
+            begin = len(records)
+            running.more(200)
+            after = records[begin + 100 :]
+            assert all(r.reading.accel[2] == pytest.approx(9.81, abs=0.5) for r in after)
+            assert any(r.reading.mag for r in after)
         running.end()
-    after = running.records[begin + 100 :]
-    assert all(record.reading.accel[2] == pytest.approx(9.81, abs=0.5) for record in after)
-    assert any(record.reading.mag for record in after)
-    assert "nobody drives the bus" in running.parser.complaint
 
 
 def test_a_chip_that_is_none_of_ours_is_named_to_the_host(

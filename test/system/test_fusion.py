@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import signal
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from std_srvs.srv import Trigger
 
 from stateful_ahrs import filters
 from stateful_ahrs.filters.frames import WorldFrame
+from stateful_ahrs.mpu9250 import calibration_file
 from stateful_ahrs.recordings import load, samples
 from stateful_ahrs.rotor import difference, from_axis_angle, product
 
@@ -34,7 +36,7 @@ class Sensor:
     """Publishes samples by hand."""
 
     def __init__(self, graph: Graph, field=NORTH) -> None:
-        self._imu = graph.speak(Imu, "imu/data_raw")
+        self.imu = graph.speak(Imu, "imu/data_raw")
         self.fields = graph.speak(MagneticField, "imu/mag") if field else None
         self._field = field
         self.heard = graph.hear(Imu, "imu/data")
@@ -61,7 +63,7 @@ class Sensor:
         if mag is not None and mag_first:
             field.magnetic_field.x, field.magnetic_field.y, field.magnetic_field.z = mag
             self.fields.publish(field)
-        self._imu.publish(imu)
+        self.imu.publish(imu)
         if mag is not None and not mag_first:
             field.magnetic_field.x, field.magnetic_field.y, field.magnetic_field.z = mag
             self.fields.publish(field)
@@ -86,6 +88,9 @@ def sensor(graph):
     return Sensor(graph)
 
 
+both_lanes = pytest.mark.parametrize("fast", [True, False], ids=["bytes", "messages"])
+
+
 def counts(graph, **expected):
     """Wait until /diagnostics of fusion shows the values."""
     heard = graph.hear(DiagnosticArray, "/diagnostics")
@@ -101,36 +106,25 @@ def counts(graph, **expected):
 # The paper's experiment
 
 
-@pytest.mark.parametrize("stateful", [True, False])
-def test_one_turn_about_y_then_one_about_z(graph, stateful):
+def test_the_stateless_filter_fails_where_the_scenario_shows_the_stateful_one_following(graph):
     orientations = graph.hear(Imu, "imu/data")
     truth = graph.hear(QuaternionStamped, "ground_truth")
-    angles = graph.hear(Float64, "imu/angle")
-    graph.start("fusion", stateful=stateful, world_frame="nwu")  # as in the paper
+    graph.start("fusion", stateful=False, world_frame="nwu")  # as in the paper
     graph.until_published("imu/data")
-    player = graph.start("bag_player", str(BAGS / "turns"), "--wait", "20")
-    assert player.wait(30.0) == 0
+    graph.start("bag_player", str(BAGS / "turns"), "--wait", "20", "--rate", "4")
     until(lambda: len(orientations) == 950, "all 950 orientations")
-    errors = errors_deg(orientations, truth, WorldFrame("nwu"))
-    assert len(errors) > 500  # the truth, heard by the test alone, may begin late
-    moving = errors[-850:]
-    assert flips(orientations) == 0
-    if stateful:
-        assert moving.max() < 2.0
-        assert angles[-1].data == pytest.approx(4 * math.pi, abs=math.radians(2.0))
-    else:
-        assert moving.max() > 90.0
+    assert errors_deg(orientations, truth, WorldFrame("nwu")).max() > 90.0
 
 
-@pytest.mark.parametrize("name", ["stateful", "paper", "learning"])
-def test_live_and_offline_are_the_same(graph, name):
+@pytest.mark.parametrize(("name", "fast"), [("stateful", True), ("paper", False)])
+def test_live_and_offline_are_the_same(graph, name, fast):
     recording = load(BAGS / "turns")
     offline = WorldFrame("enu").all(filters.make(name, settings("enu")).run(samples(recording)))
     orientations = graph.hear(Imu, "imu/data")
-    graph.start("fusion", filter=name)
+    graph.start("fusion", filter=name, fast_lane=fast)
     graph.until_published("imu/data")
     assert (
-        graph.start("bag_player", str(BAGS / "turns"), "--wait", "20", "--rate", "3").wait(30.0)
+        graph.start("bag_player", str(BAGS / "turns"), "--wait", "20", "--rate", "8").wait(30.0)
         == 0
     )
     until(lambda: len(orientations) == len(recording), "every orientation")
@@ -148,7 +142,7 @@ def settings(frame):
 
 def test_what_a_filter_learned_is_in_diagnostics(graph):
     heard = graph.hear(DiagnosticArray, "/diagnostics")
-    graph.start("fusion", filter="learning")
+    graph.start("fusion")
     until(lambda: status(heard, "fusion")[2].get("mag_trust") == "1", "the filter's own values")
     values = status(heard, "fusion")[2]
     assert values["learned_bias_rad_s"] == "0 0 0"
@@ -337,10 +331,31 @@ def test_garbage_in_no_garbage_out(graph, sensor):
     assert int(values["mag_rejected"]) + int(values["mag_empty"]) == 15
 
 
-def test_a_field_that_is_not_a_number_is_published_as_not_reported(sensor):
-    answer = sensor.send_all([START], gyro=(math.nan, 0.0, 0.0), accel=(0.0, math.inf, 9.8))
+@both_lanes
+def test_a_field_that_is_not_a_number_is_published_as_not_reported(graph, fast):
+    graph.start("fusion", fast_lane=fast)
+    answer = Sensor(graph).send_all([START], gyro=(math.nan, 0.0, 0.0), accel=(0.0, math.inf, 9.8))
     assert answer.angular_velocity_covariance[0] == -1.0
     assert answer.linear_acceleration_covariance[0] == -1.0
+
+
+def big_endian(stamp, accel):
+    """An Imu in the frame `base`."""
+    doubles = [0.0] * 37
+    doubles[25:28] = accel
+    head = struct.pack(">4siII", bytes(4), *divmod(stamp, SECOND), 5)
+    return head + b"base\0".ljust(12, b"\0") + struct.pack(">37d", *doubles)
+
+
+def test_a_message_in_another_encoding_is_answered_and_one_that_is_none_is_counted(graph, sensor):
+    level = rotor_of(sensor.send_all(ticks(1)).orientation)
+    for message in (b"\x00\x01", big_endian(START + PERIOD, LEVEL)):
+        sensor.imu.publish(message)
+    until(lambda: len(sensor.heard) == 2, "the answer")
+    assert sensor.heard[1].header.frame_id == "base"
+    assert nanoseconds(sensor.heard[1]) == START + PERIOD
+    assert difference(rotor_of(sensor.heard[1].orientation), level) < 0.01
+    counts(graph, left_the_fast_lane=1, malformed=1)
 
 
 def test_before_the_first_usable_sample_the_orientation_is_not_reported(graph):
@@ -378,7 +393,10 @@ def test_level_and_facing_north_in_each_world_frame(graph, frame, expected):
         ({"alpha": ".nan"}, "alpha must be between 0 and 1, got nan."),
         ({"filter": "kalman"}, "there is no filter 'kalman'; there are stateful, paper"),
         ({"world_frame": "nue"}, "world_frame must be one of enu, nwu, ned, got 'nue'."),
-        ({"orientation_stddev": -1.0}, "orientation_stddev must be 0 or more rad, got -1.0."),
+        (
+            {"orientation_stddev": ".nan"},
+            "orientation_stddev must be finite, in rad, or negative",
+        ),
         ({"publish_tf": True}, "publish_tf needs tf2_ros"),
         (
             {"qos_overrides./imu/data_raw.subscription.reliability": "nonsense"},
@@ -417,6 +435,7 @@ def test_what_is_not_live_is_refused(graph, name, value):
 def test_live_parameters_take_effect_with_the_next_sample(graph, sensor):
     sensor.send_all(ticks(200))
     assert graph.set_parameter("fusion", "alpha", 0.0).successful
+    assert graph.set_parameter("fusion", "low_pass", False).successful
     tilted = (0.0, 9.81 * math.sin(0.2), 9.81 * math.cos(0.2))
     answer = sensor.send_all([START + 200 * PERIOD], accel=tilted)
     level = rotor_of(sensor.heard[199].orientation)
@@ -426,8 +445,9 @@ def test_live_parameters_take_effect_with_the_next_sample(graph, sensor):
     assert answer.orientation_covariance[0] == pytest.approx(0.04)
 
 
-def test_axis_angle_and_euler_angles_follow_the_orientation(graph):
-    graph.start("fusion", world_frame="nwu")
+@both_lanes
+def test_axis_angle_and_euler_angles_follow_the_orientation(graph, fast):
+    graph.start("fusion", world_frame="nwu", fast_lane=fast)
     sensor = Sensor(graph)
     derived = [
         graph.hear(Vector3Stamped, "imu/axis"),
@@ -481,6 +501,38 @@ def test_the_bias_is_taken_at_rest_and_refused_in_motion(graph, sensor):
     assert answer.angular_velocity.z == pytest.approx(0.0, abs=1e-3)
     sensor.send_all(ticks(10, START + 252 * PERIOD), gyro=(5.0, 0.0, 0.0))
     assert not graph.call(Trigger, "fusion/calibrate_gyro").success
+
+
+def test_what_was_learned_is_saved_and_starts_the_next_run(graph, tmp_path):
+    path = str(tmp_path / "imu.yaml")
+    fusion = graph.start("fusion", calibration_file=path)
+    Sensor(graph).send_all(ticks(600), gyro=(0.01, 0.0, -0.02))
+    done = graph.call(Trigger, "fusion/save_calibration")
+    assert done.success, done.message
+    assert calibration_file.load(path).learned.bias == pytest.approx((0.01, 0.0, -0.02), abs=1e-3)
+    assert fusion.end() == 0
+    graph.start("fusion", calibration_file=path)
+    answer = Sensor(graph).send_all([START + 700 * PERIOD], gyro=(0.11, 0.0, -0.02))
+    assert answer.angular_velocity.x == pytest.approx(0.1, abs=1e-3)
+    assert answer.angular_velocity.z == pytest.approx(0.0, abs=1e-3)
+
+
+def test_there_is_nothing_to_save_without_a_file(graph, sensor):
+    sensor.send_all(ticks(3))
+    refused = graph.call(Trigger, "fusion/save_calibration")
+    assert not refused.success
+    assert "calibration_file is empty" in refused.message
+
+
+def test_the_covariance_is_the_filters_own_and_says_where_north_is_unknown(graph):
+    graph.start("fusion")
+    sensor = Sensor(graph)
+    without = sensor.send_all(ticks(3), mag=None).orientation_covariance
+    assert without[8] == pytest.approx(math.pi**2)
+    found = sensor.send_all(ticks(400, START + 3 * PERIOD)).orientation_covariance
+    assert found[0] == found[4]
+    assert math.radians(0.05) ** 2 < found[0] < math.radians(2.0) ** 2
+    assert math.radians(1.0) ** 2 < found[8] < math.radians(10.0) ** 2
 
 
 @pytest.mark.parametrize("by", [signal.SIGINT, signal.SIGTERM])

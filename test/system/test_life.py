@@ -1,10 +1,15 @@
-"""How nodes end."""
+"""How nodes start and end, and what they publish for."""
+
+import subprocess
+import sys
 
 import pytest
 
 pytest.importorskip("rclpy")
 
 import rclpy
+from graph import until
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import Imu
 
@@ -22,3 +27,33 @@ def test_a_node_told_to_end_before_it_was_made_ends_well():
 def test_an_error_while_ros_runs_is_not_swallowed():
     with pytest.raises(RuntimeError, match="of its own"), life.graph():
         raise RuntimeError("an error of its own")
+
+
+def test_a_node_runs_on_the_plain_executor_where_there_is_no_other(monkeypatch):
+    monkeypatch.setitem(sys.modules, "rclpy.experimental", None)  # as in an rclpy without it
+    with life.graph():
+        executor, reason = life.fastest_executor()
+        node = Node("plain")
+        node.create_timer(0.01, rclpy.shutdown)
+        life.spin(node)
+    assert isinstance(executor, SingleThreadedExecutor)
+    assert "this rclpy has no EventsExecutor" in reason
+
+
+def test_a_topic_is_wanted_while_someone_listens(graph):
+    out = qos.advertise(graph.node, Imu, "imu/data")
+    assert not out.wanted
+    listener = graph.node.create_subscription(Imu, "imu/data", print, 10)
+    until(lambda: out.wanted, "a listener")
+    graph.node.destroy_subscription(listener)
+    until(lambda: not out.wanted, "its end")
+
+
+@pytest.mark.parametrize("name", ["fusion", "imu_driver"])
+def test_a_node_starts_without_what_it_does_not_need(name):
+    program = f"import stateful_ahrs.nodes.{name}, sys; print(*sys.modules)"
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    modules = set(ran.stdout.split())
+    assert "stateful_ahrs.filters" in modules
+    slow = {"numba", "scipy", "rosbags", "rich", "matplotlib", "stateful_ahrs.evaluation"}
+    assert modules.isdisjoint(slow)

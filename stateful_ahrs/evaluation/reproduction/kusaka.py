@@ -369,7 +369,7 @@ def counted(name: str, printed: Sequence[int], found: dict[str, int]) -> Claim:
 
 def table_1() -> Section:
     """Operations of a snapshot."""
-    columns = operations(from_columns, *AXES, 1.0)
+    columns = operations(from_columns, 1.0, *AXES)
     whole = operations(dcm, FORCE, FIELD)
     given = {}
     for snapshot in (saam, fqa):

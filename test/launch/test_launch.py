@@ -1,4 +1,4 @@
-"""The scenarios with nodes started by launch/imu.launch.py.
+"""The scenarios with nodes started by the launch files.
 
 Skipped where launch_pytest is missing: it comes with ROS, not from PyPI.
 """
@@ -21,7 +21,7 @@ from launch.actions import IncludeLaunchDescription
 from rcl_interfaces.srv import GetParameters
 from sensor_msgs.msg import Imu
 
-LAUNCH_FILE = Path(__file__).parents[2] / "launch" / "imu.launch.py"
+LAUNCH = Path(__file__).parents[2] / "launch"
 
 
 @pytest.fixture
@@ -32,8 +32,8 @@ def graph(monkeypatch: pytest.MonkeyPatch) -> Iterator[Graph]:
         yield graph
 
 
-def launched(**arguments: str) -> LaunchDescription:
-    include = IncludeLaunchDescription(str(LAUNCH_FILE), launch_arguments=arguments.items())
+def launched(file: str, **arguments: str) -> LaunchDescription:
+    include = IncludeLaunchDescription(str(LAUNCH / file), launch_arguments=arguments.items())
     return LaunchDescription([include])
 
 
@@ -41,12 +41,26 @@ def launched(**arguments: str) -> LaunchDescription:
 def tumbling(graph: Graph, tmp_path: Path) -> LaunchDescription:
     config = tmp_path / "driver.yaml"
     config.write_text("imu_driver: {ros__parameters: {rate: 200.0, sim_motion: tumble}}")
-    return launched(driver_config=str(config))
+    return launched("imu.launch.py", driver_config=str(config))
 
 
 @launch_pytest.fixture
 def in_a_namespace(graph: Graph) -> LaunchDescription:
-    return launched(namespace="left", transport="sim", alpha="1", world_frame="ned")
+    return launched(
+        "imu.launch.py", namespace="left", transport="sim", alpha="1", world_frame="ned"
+    )
+
+
+@launch_pytest.fixture
+def from_a_bag(graph: Graph) -> LaunchDescription:
+    bag = str(scenarios.TURNS)
+    wait_for_all = "--subscribers 3 --wait 20"  # of fusion two, of the test the truth
+    return launched("playback.launch.py", bag=bag, world_frame="nwu", options=wait_for_all)
+
+
+@pytest.mark.launch(fixture=from_a_bag)
+def test_a_bag_is_followed_to_its_end(graph: Graph) -> None:
+    scenarios.a_bag_is_followed_to_its_end(graph, play=lambda: None)
 
 
 @pytest.mark.launch(fixture=tumbling)

@@ -1,0 +1,159 @@
+"""Filters over whole recordings: ns per sample beside those that PyPI has, on the same arrays."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from stateful_ahrs import filters
+from stateful_ahrs.filters.compiled import _numba
+from stateful_ahrs.filters.samples import Array, Samples
+from stateful_ahrs.filters.settings import DEFAULTS
+from stateful_ahrs.filters.stamps import steps
+from stateful_ahrs.rotor import Rotor, conjugate, from_rate, product, rotate, unit
+
+from .live import FILTER
+
+RATE = 100.0  # Hz, of all three sensors
+SAMPLES = 60_000
+SHORT = 2_000  # samples for what runs in plain Python
+QUICK = ("paper", "stateful", FILTER)
+C_FLAGS = ("-O3", "-march=native", "-fno-math-errno", "-ffp-contract=off", "-shared", "-fPIC")
+
+
+def tumbling(count: int = SAMPLES) -> Samples:
+    """A sensor that turns about changing axes, with its noise."""
+    random = np.random.default_rng(3)
+    t = np.arange(count) / RATE
+    gyro = np.stack([1.5 * np.sin(0.7 * t), 1.2 * np.sin(0.43 * t + 1), 0.9 * np.cos(t)], axis=1)
+    rotor: Rotor = (1.0, 0.0, 0.0, 0.0)
+    accel, mag = np.empty((count, 3)), np.empty((count, 3))
+    for i, rate in enumerate(gyro.tolist()):
+        back = conjugate(rotor)
+        accel[i] = rotate(back, (0.0, 0.0, 9.81))
+        mag[i] = rotate(back, (20e-6, 0.0, -40e-6))
+        rotor = unit(product(rotor, from_rate(rate, 1.0 / RATE)))
+    noise = random.normal(size=(3, count, 3))
+    stamps = 10**18 + np.rint(t * 1e9).astype(np.int64)
+    return Samples(stamps, gyro + 0.002 * noise[0], accel + 0.08 * noise[1], mag + 6e-7 * noise[2])
+
+
+def measure(quick: bool, seconds: float) -> dict[str, Any]:
+    """ns per sample of each, and its ratio to VQF's: medians of rounds in which all take turns."""
+    samples = tumbling()
+    names = QUICK if quick else tuple(filters.FILTERS)
+    runs: dict[str, tuple[int, Callable[[], object]]] = {}
+    for name in names:
+        filter_ = filters.make(name)
+        if _numba() is None:
+            part = first(samples, SHORT)
+            runs[name] = len(part), lambda f=filter_, s=part: f.run(s)
+        else:
+            runs[name] = len(samples), lambda f=filter_: f.run(samples)
+    runs |= peers(samples)
+    told = []
+    for name, settings in (("paper", AS_PUBLISHED), ("stateful", STATEFUL)):
+        in_c = c_filter(samples, **settings)
+        if isinstance(in_c, str):
+            told = [in_c]
+            continue
+        off = np.abs(in_c() - filters.make(name).run(samples)).max()
+        assert off < 1e-6, f"{name} in C is another filter: {off}"
+        runs[f"{name} in C"] = len(samples), in_c
+    for _, run in runs.values():
+        run()  # compiles
+    took: dict[str, list[float]] = {name: [] for name in runs}
+    end, rounds = time.monotonic() + seconds, 0
+    while rounds < 5 or time.monotonic() < end:
+        rounds += 1
+        for name, (count, run) in runs.items():
+            begin = time.perf_counter()
+            run()
+            took[name].append((time.perf_counter() - begin) * 1e9 / count)
+    found: dict[str, Any] = {
+        name: {
+            "ns": median(own),
+            "of_vqf": median(a / b for a, b in zip(own, took["vqf"], strict=True)),
+        }
+        for name, own in took.items()
+    }
+    for name in ("paper", "stateful"):
+        if f"{name} in C" in took:
+            ratios = (a / b for a, b in zip(took[name], took[f"{name} in C"], strict=True))
+            found[name]["of_c"] = median(ratios)
+    return {"filters": found, "rounds": rounds, "remarks": told}
+
+
+AS_PUBLISHED = {"normalise": 0, "average_start": 0}
+STATEFUL = {"normalise": 1, "average_start": 1}
+
+
+def first(samples: Samples, count: int) -> Samples:
+    """The first so many samples."""
+    return Samples(*(getattr(samples, n)[:count] for n in ("stamps", "gyro", "accel", "mag")))
+
+
+def peers(samples: Samples) -> dict[str, tuple[int, Callable[[], object]]]:
+    """What PyPI has, each by its way for whole recordings, with its defaults."""
+    import ahrs
+    import imufusion
+    from vqf import VQF
+
+    gyro, accel, mag = samples.gyro, samples.accel, samples.mag
+    few = first(samples, SHORT)
+    degrees, g = np.degrees(few.gyro), few.accel / 9.81
+    microtesla = few.mag * 1e6
+
+    def fusion() -> None:
+        filter_ = imufusion.Ahrs()
+        filter_.set_sample_period(1.0 / RATE)
+        for i in range(SHORT):
+            filter_.update(degrees[i], g[i], microtesla[i])
+
+    def of_ahrs(kind: Any) -> Callable[[], object]:
+        return lambda: kind(gyr=few.gyro, acc=few.accel, mag=few.mag * 1e3, frequency=RATE)
+
+    return {
+        "vqf": (len(samples), lambda: VQF(1.0 / RATE).updateBatch(gyro, accel, mag)),
+        "imufusion": (SHORT, fusion),
+        "ahrs madgwick": (SHORT, of_ahrs(ahrs.filters.Madgwick)),
+        "ahrs mahony": (SHORT, of_ahrs(ahrs.filters.Mahony)),
+        "ahrs ekf": (SHORT, of_ahrs(ahrs.filters.EKF)),
+    }
+
+
+def c_filter(samples: Samples, normalise: int, average_start: int) -> Callable[[], Array] | str:
+    """The same filter from filter.c, or why there is none."""
+    compiler = shutil.which("cc")
+    if compiler is None:
+        return "No comparison with C: there is no compiler (cc) here."
+    library = Path(tempfile.mkdtemp(prefix="stateful_ahrs_bench")) / "filter.so"
+    source = Path(__file__).with_name("filter.c")
+    subprocess.run([compiler, *C_FLAGS, "-o", library, source, "-lm"], check=True)
+    run = ctypes.CDLL(str(library)).run
+    arrays = [samples.gyro, samples.accel, samples.mag, steps(samples.stamps)]
+    rotors = np.empty((len(samples), 4))
+    pointers = [ctypes.c_void_p(array.ctypes.data) for array in (*arrays, rotors)]
+
+    def call() -> Array:
+        run(
+            ctypes.c_long(len(samples)),
+            ctypes.c_double(DEFAULTS.alpha),
+            ctypes.c_double(DEFAULTS.alpha_rate),
+            normalise,
+            average_start,
+            *pointers,
+        )
+        return rotors
+
+    call.arrays = arrays  # type: ignore[attr-defined]  # kept alive
+    return call

@@ -1,0 +1,148 @@
+"""Single messages between CDR bytes and floats: the fast lane of the live nodes.
+
+Only plain little-endian CDR (OMG DDS-XTypes 7.4), which is what ROS 2 speaks on the machines it
+runs on; the layouts are those of `wire`. A frame stays the bytes that it is in the message, and so
+does a covariance, because both are only passed on.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from ..errors import RecordingError
+from ..rotor import Rotor, Vector
+
+ENCAPSULATION = b"\x00\x01"  # plain CDR, little-endian; two bytes of options follow
+NONE: Vector = (math.nan, math.nan, math.nan)
+
+HEAD = struct.Struct("<2s2xiII")  # encapsulation, stamp, length of the frame's name and its NUL
+NAME = 12  # where that length begins
+STAMPED = struct.Struct("<4siI")
+IMU = struct.Struct("<104x3d72s3d72s")  # behind the orientation
+FIELD = struct.Struct("<3dd64x")
+ROTOR, VECTOR, COVARIANCE = (struct.Struct(f"<{n}d") for n in (4, 3, 9))
+NUMBER = struct.Struct("<4sd")
+UNREPORTED = struct.pack("<d", -1.0)  # begins a covariance (REP-145)
+SECOND = 1_000_000_000  # ns
+
+
+class Inertial(NamedTuple):
+    """A sensor_msgs/Imu without its orientation; NaN for what is not reported (REP-145)."""
+
+    stamp: int  # ns
+    frame: Any
+    gyro: Vector  # rad/s
+    gyro_covariance: Any
+    accel: Vector  # m/s²
+    accel_covariance: Any
+
+
+class Magnetic(NamedTuple):
+    """A sensor_msgs/MagneticField."""
+
+    stamp: int  # ns
+    field: Vector  # tesla
+
+
+class ForeignError(RecordingError):
+    """The bytes are no such message in plain little-endian CDR."""
+
+
+def inertial(data: bytes) -> Inertial:
+    """Read a sensor_msgs/Imu; `ForeignError` if it is not understood."""
+    stamp, start = _head(data)
+    try:
+        gx, gy, gz, gyro_covariance, ax, ay, az, accel_covariance = IMU.unpack_from(data, start)
+    except struct.error:
+        raise ForeignError from None
+    return Inertial(
+        stamp,
+        data[NAME:start],
+        NONE if gyro_covariance.startswith(UNREPORTED) else (gx, gy, gz),
+        gyro_covariance,
+        NONE if accel_covariance.startswith(UNREPORTED) else (ax, ay, az),
+        accel_covariance,
+    )
+
+
+def magnetic(data: bytes) -> Magnetic:
+    """Read a sensor_msgs/MagneticField; `ForeignError` if it is not understood."""
+    stamp, start = _head(data)
+    try:
+        x, y, z, variance = FIELD.unpack_from(data, start)
+    except struct.error:
+        raise ForeignError from None
+    return Magnetic(stamp, NONE if variance == -1.0 else (x, y, z))
+
+
+def imu(
+    stamp: int,
+    frame: bytes,
+    orientation: Rotor,
+    orientation_covariance: bytes,
+    gyro: Vector,
+    gyro_covariance: bytes,
+    accel: Vector,
+    accel_covariance: bytes,
+) -> bytes:
+    """Write a sensor_msgs/Imu."""
+    w, x, y, z = orientation
+    return b"".join(
+        (
+            STAMPED.pack(b"\x00\x01\x00\x00", *divmod(stamp, SECOND)),
+            frame,
+            ROTOR.pack(x, y, z, w),
+            orientation_covariance,
+            VECTOR.pack(*gyro),
+            gyro_covariance,
+            VECTOR.pack(*accel),
+            accel_covariance,
+        )
+    )
+
+
+def magnetic_field(stamp: int, frame: bytes, field: Vector, covariance: bytes) -> bytes:
+    """Write a sensor_msgs/MagneticField."""
+    return vector(stamp, frame, field) + covariance
+
+
+def vector(stamp: int, frame: bytes, v: Vector) -> bytes:
+    """Write a geometry_msgs/Vector3Stamped."""
+    head = STAMPED.pack(b"\x00\x01\x00\x00", *divmod(stamp, SECOND))
+    return head + frame + VECTOR.pack(*v)
+
+
+def number(value: float) -> bytes:
+    """Write a std_msgs/Float64."""
+    return NUMBER.pack(b"\x00\x01\x00\x00", value)
+
+
+def frame(name: str) -> bytes:
+    """The bytes of a frame's name: its length, itself, NUL, and what aligns a double."""
+    text = name.encode() + b"\0"
+    return struct.pack("<I", len(text)) + text + bytes(-(NAME + len(text)) % 8)
+
+
+def name(frame: bytes) -> str:
+    """The name in these bytes."""
+    return frame[4:].split(b"\0", 1)[0].decode(errors="replace")
+
+
+def covariance(values: Sequence[float]) -> bytes:
+    """The bytes of a 3 × 3 covariance, row-major."""
+    return COVARIANCE.pack(*values)
+
+
+def _head(data: bytes) -> tuple[int, int]:
+    """The stamp in ns, and where the doubles start."""
+    try:
+        encapsulation, sec, nanosec, length = HEAD.unpack_from(data)
+    except struct.error:
+        raise ForeignError from None
+    if encapsulation != ENCAPSULATION:
+        raise ForeignError
+    # CDR aligns from behind the encapsulation, and the name ends at 12 + length from there.
+    return sec * SECOND + nanosec, 4 + (NAME + length + 7 & -8)

@@ -1,0 +1,139 @@
+"""How sensor messages pass through a node: as Python messages, or as bytes in the fast lane.
+
+A node reads the same with either. What a lane makes of a frame or of a covariance only that lane
+understands.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from geometry_msgs.msg import Vector3Stamped
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import Imu, MagneticField
+from std_msgs.msg import Float64
+
+from ..rotor import Rotor, Vector
+from . import cdr, messages
+from .cdr import Inertial, Magnetic
+from .parameters import Spec
+
+FAST_LANE = Spec("fast_lane", True, "false: messages pass as Python's, at twice the cost")
+
+
+class Lane:
+    """Python messages."""
+
+    raw = False  # whether messages come as bytes
+    slow = 0  # messages that the fast lane left to ROS
+    malformed = 0  # messages that nobody could read
+
+    def inertial(self, message: Any) -> Inertial | None:
+        """Read a sensor_msgs/Imu; None if it is malformed."""
+        return Inertial(
+            messages.nanoseconds(message.header.stamp),
+            message.header.frame_id,
+            *messages.reported(message.angular_velocity, message.angular_velocity_covariance),
+            *messages.reported(message.linear_acceleration, message.linear_acceleration_covariance),
+        )
+
+    def magnetic(self, message: Any) -> Magnetic | None:
+        """Read a sensor_msgs/MagneticField; None if it is malformed."""
+        stamp = messages.nanoseconds(message.header.stamp)
+        field, _ = messages.reported(message.magnetic_field, message.magnetic_field_covariance)
+        return Magnetic(stamp, field)
+
+    def imu(
+        self,
+        stamp: int,
+        frame: Any,
+        orientation: Rotor,
+        orientation_covariance: Any,
+        gyro: Vector,
+        gyro_covariance: Any,
+        accel: Vector,
+        accel_covariance: Any,
+    ) -> Any:
+        """Write a sensor_msgs/Imu; ``stamp`` in ns."""
+        return Imu(
+            header=messages.header(stamp, frame),
+            orientation=messages.quaternion_message(orientation),
+            orientation_covariance=orientation_covariance,
+            angular_velocity=messages.vector_message(gyro),
+            angular_velocity_covariance=gyro_covariance,
+            linear_acceleration=messages.vector_message(accel),
+            linear_acceleration_covariance=accel_covariance,
+        )
+
+    def magnetic_field(self, stamp: int, frame: Any, field: Vector, covariance: Any) -> Any:
+        """Write a sensor_msgs/MagneticField."""
+        return MagneticField(
+            header=messages.header(stamp, frame),
+            magnetic_field=messages.vector_message(field),
+            magnetic_field_covariance=covariance,
+        )
+
+    def vector(self, stamp: int, frame: Any, v: Vector) -> Any:
+        """Write a geometry_msgs/Vector3Stamped."""
+        header = messages.header(stamp, frame)
+        return Vector3Stamped(header=header, vector=messages.vector_message(v))
+
+    def number(self, value: float) -> Any:
+        """Write a std_msgs/Float64."""
+        return Float64(data=value)
+
+    def frame(self, name: str) -> Any:
+        """A frame by its name."""
+        return name
+
+    def name(self, frame: Any) -> str:
+        """The name of a frame."""
+        return str(frame)
+
+    def covariance(self, values: Sequence[float]) -> Any:
+        """A covariance by its nine elements."""
+        return values
+
+
+class FastLane(Lane):
+    """Bytes. What `cdr` refuses takes the way through a Python message."""
+
+    raw = True
+    imu = staticmethod(cdr.imu)
+    magnetic_field = staticmethod(cdr.magnetic_field)
+    vector = staticmethod(cdr.vector)
+    number = staticmethod(cdr.number)
+    frame = staticmethod(cdr.frame)
+    name = staticmethod(cdr.name)
+    covariance = staticmethod(cdr.covariance)
+
+    def inertial(self, message: bytes) -> Inertial | None:
+        try:
+            return cdr.inertial(message)
+        except cdr.ForeignError:
+            rewritten = self._rewritten(message, Imu)
+            return None if rewritten is None else cdr.inertial(rewritten)
+
+    def magnetic(self, message: bytes) -> Magnetic | None:
+        try:
+            return cdr.magnetic(message)
+        except cdr.ForeignError:
+            rewritten = self._rewritten(message, MagneticField)
+            return None if rewritten is None else cdr.magnetic(rewritten)
+
+    def _rewritten(self, message: bytes, kind: type) -> bytes | None:
+        """The message as ROS reads it and writes it itself."""
+        try:
+            rewritten: bytes = serialize_message(deserialize_message(message, kind))
+        except Exception:  # each middleware has its own
+            self.malformed += 1
+            return None
+        self.slow += 1
+        return rewritten
+
+
+def choose(fast: bool) -> Lane:
+    """The fast lane where it is wanted and the machine speaks its CDR."""
+    return FastLane() if fast and sys.byteorder == "little" else Lane()
