@@ -104,7 +104,7 @@ def table_ii() -> Section:
             "with FPU: what is left for √ and cos",
             "at most 5 % of the time without",
             ", ".join(f"{name} {value:g}" for name, value in rest.items()),
-            refuted(min(rest.values()) < 0.0) + ": no weights give these figures",
+            refuted(min(rest.values()) < 0.0, "no weights give these figures"),
         )
     )
     return Section(
