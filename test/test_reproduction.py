@@ -127,6 +127,8 @@ def test_fewer_operations_than_printed_are_found_on_the_kernels():
         (page.shown(True), page.AS_PRINTED),
         (page.shown(False), page.DIFFERENT),
         (page.refuted(True), page.WRONG),
+        (page.refuted(True, "swapped"), f"{page.WRONG}: swapped"),
+        (page.refuted(False, "swapped"), page.AS_PRINTED),
         (page.refuted(False), page.AS_PRINTED),
     ],
 )

@@ -13,8 +13,9 @@ import pytest
 from turning import turning, write_csv
 
 from stateful_ahrs.errors import AhrsError
-from stateful_ahrs.evaluation import workers
+from stateful_ahrs.evaluation import evaluate, workers
 from stateful_ahrs.evaluation.evaluate import main
+from stateful_ahrs.evaluation.options import job_of
 from stateful_ahrs.evaluation.workers import Workers, part
 
 ROOT = Path(__file__).parents[1]
@@ -143,3 +144,15 @@ def test_dask_takes_over_with_one_option(tables, capsys, monkeypatch, tmp_path):
     assert len(finished) == 8
     assert [row["rmse_deg"] for row in found] == [row["rmse_deg"] for row in alone]
     assert (tmp_path / "report.html").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("cold", "filters", "jobs"), [(True, "all", None), (True, "paper,gyro", 1), (False, "all", 1)]
+)
+def test_many_filters_that_are_not_compiled_yet_are_in_several_processes(
+    cold, filters, jobs, monkeypatch
+):
+    monkeypatch.setattr(evaluate, "cold", lambda: cold)
+    assert evaluate._jobs(job_of(["x.csv", "--filters", filters])) == jobs
+    asked = job_of(["x.csv", "--filters", filters, "--jobs", "1"])
+    assert evaluate._jobs(asked) == 1

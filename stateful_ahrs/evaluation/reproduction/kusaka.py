@@ -413,7 +413,7 @@ def table_2() -> Section:
                 "complementary filter (eq. 16)",
                 "24 +, 16 ×",
                 f"{both[ADD]} +, {both[MULTIPLY]} ×",
-                refuted((both[ADD], both[MULTIPLY]) == (16, 24)) + ": the two are swapped",
+                refuted((both[ADD], both[MULTIPLY]) == (16, 24), "the two are swapped"),
             ),
         ],
     )

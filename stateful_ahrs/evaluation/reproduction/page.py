@@ -78,9 +78,9 @@ def shown(truth: bool) -> str:
     return AS_PRINTED if truth else DIFFERENT
 
 
-def refuted(truth: bool) -> str:
+def refuted(truth: bool, why: str = "") -> str:
     """The verdict on what a paper says, and which is refuted if ``truth``."""
-    return WRONG if truth else AS_PRINTED
+    return WRONG + (why and f": {why}") if truth else AS_PRINTED
 
 
 def markdown(section: Section, folder: str) -> str:

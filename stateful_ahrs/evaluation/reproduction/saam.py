@@ -104,7 +104,7 @@ def table_ii() -> Section:
             "with FPU: what is left for √ and cos",
             "at most 5 % of the time without",
             ", ".join(f"{name} {value:g}" for name, value in rest.items()),
-            refuted(min(rest.values()) < 0.0) + ": no weights give these figures",
+            refuted(min(rest.values()) < 0.0, "no weights give these figures"),
         )
     )
     return Section(
@@ -229,7 +229,7 @@ def singular_surface() -> Section:
                 refuted(none["SAAM"] > 0),
             ),
             Claim(
-                "largest error in single precision at |x| = 1e-5",
+                "largest error in single precision with x = 1e-5",
                 "",
                 f"SAAM {single['SAAM']:.1f}°, DCM {single['DCM']:.1g}°",
                 MEASURED,

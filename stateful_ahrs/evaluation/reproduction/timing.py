@@ -15,7 +15,7 @@ from ...filters.compiled import bind, compiled, run_steps
 from ...filters.samples import Array, Samples
 from ...filters.stamps import steps
 
-ROUNDS = 15
+ROUNDS = 80
 
 
 def fastest(runs: Mapping[str, Callable[[], Any]], rounds: int = ROUNDS) -> dict[str, float]:
