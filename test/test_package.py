@@ -156,6 +156,6 @@ def test_the_parameter_file_for_fusion_repeats_its_defaults():
     given = dict(re.findall(r"^    (\w+): (\S+)", text, re.MULTILINE))
     defaults = {spec.name: str(spec.default) for spec in PARAMETERS}
     assert {
-        name: value.replace("true", "True").replace("false", "False")
+        name: value.replace("true", "True").replace("false", "False").strip('"')
         for name, value in given.items()
     }.items() <= defaults.items()
