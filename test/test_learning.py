@@ -302,7 +302,7 @@ def test_the_first_heading_comes_at_once_and_leaves_the_tilt_alone(learning):
 def test_the_start_is_a_mean_of_snapshots(learning, motion):
     samples, truth = recording(4.0, motion=motion)
     # of 1.4° for one snapshot (0.6 µT in 25 µT) a weight of 3 / n leaves a ninth after 2 s
-    assert errors_deg(learning.run(samples), truth)[200:].max() < 0.5
+    assert errors_deg(learning.run(samples), truth)[200:].max() < 0.6
 
 
 def test_a_start_in_motion_converges_within_seconds(learning):
