@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 import stat
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from stateful_ahrs.filters.settings import Known
 from stateful_ahrs.mpu9250.burst import Reading
 from stateful_ahrs.mpu9250.calibration import Calibration, CalibrationError, Correction
 
@@ -17,7 +19,7 @@ yaml = pytest.importorskip("yaml", reason="PyYAML is not installed")
 
 from strategies import vectors
 
-from stateful_ahrs.mpu9250.calibration_file import load, merged, save
+from stateful_ahrs.mpu9250.calibration_file import load, merged, save, save_learned
 
 GOLDEN = Path(__file__).parent / "golden" / "calibration.yaml"
 WHOLE = Calibration(
@@ -170,3 +172,29 @@ def test_a_place_that_does_not_exist_cannot_be_written(tmp_path: Path):
 def test_corrections_turn_vectors_as_matrices_do():
     x, y, z = Correction((1.0, 2.0, 3.0), WHOLE.mag.matrix).apply((2.0, 2.0, 3.0))
     assert (x, y, z) == (1.1, 0.03, -0.02)
+
+
+LEARNED = Known((0.01, -0.02, 0.003), ((0.001, 0.0, 0.0),) * 3, 0.012, (1e-6, 2e-6, -3e-6))
+
+
+def test_what_a_filter_learned_comes_back_and_leaves_the_corrections_alone(tmp_path: Path):
+    path = tmp_path / "imu.yaml"
+    path.write_bytes(GOLDEN.read_bytes())
+    save_learned(path, LEARNED)
+    found = load(path)
+    assert found.learned == LEARNED
+    assert found.learned_date
+    assert replace(found, learned=Known(), learned_date="") == load(GOLDEN)
+
+
+def test_a_file_may_begin_with_what_a_filter_learned(tmp_path: Path):
+    save_learned(tmp_path / "imu.yaml", LEARNED)
+    assert load(tmp_path / "imu.yaml").learned == LEARNED
+
+
+def test_a_new_correction_voids_the_offset_that_was_left_over_from_the_old(tmp_path: Path):
+    path = tmp_path / "imu.yaml"
+    save_learned(path, LEARNED)
+    gyro, mag = merged(path, "", gyro=Correction((0.1, 0.0, 0.0))), merged(path, "", mag=WHOLE.mag)
+    assert gyro.learned == replace(LEARNED, bias=(0.0, 0.0, 0.0))
+    assert mag.learned == replace(LEARNED, hard_iron=(0.0, 0.0, 0.0))

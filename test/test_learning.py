@@ -19,6 +19,7 @@ from stateful_ahrs.evaluation.score import prepare, score
 from stateful_ahrs.filters import Settings
 from stateful_ahrs.filters.learning import SIZES
 from stateful_ahrs.filters.samples import Samples
+from stateful_ahrs.filters.settings import Known
 from stateful_ahrs.filters.stateful import StatefulFilter
 from stateful_ahrs.mpu9250.motion import MOTIONS, TURN, Motion, Turn, X, Y, Z
 from stateful_ahrs.recordings import load
@@ -231,6 +232,58 @@ def test_a_shaken_sensor_keeps_its_inclination(learning):
     assert rms(found[500:]) < rms(paper[500:])
 
 
+def test_what_a_sudden_magnet_took_is_taken_back(learning):
+    samples, truth = recording(60.0)
+    samples.mag[3000:3050] = (-60.0 * MICRO, 60.0 * MICRO, 0.0)  # half a second, 100° off or so
+    errors = errors_deg(learning.run(samples), truth)
+    assert errors[3000:3100].max() > 1.0
+    assert errors[3300:3600].max() < 0.5
+
+
+def test_a_first_heading_beside_iron_is_let_go_of(learning):
+    still, moving = (recording(20.0, motion=MOTIONS["rest"]), recording(40.0))
+    parts = [
+        np.concatenate([getattr(samples, name) for samples, _ in (still, moving)])
+        for name in ("gyro", "accel", "mag")
+    ]
+    stamps = 1_000_000_000 + np.arange(6000) * 10_000_000
+    parts[2][:2000] += np.array((0.0, 4.0, 2.0)) * MICRO  # 9° of heading
+    truth = still[1] + moving[1]
+    errors = errors_deg(learning.run(Samples(stamps, *parts)), truth)
+    assert errors[1900:2000].min() > 7.0
+    assert errors[5000:].max() < 2.0
+
+
+# What an earlier run knew
+
+
+def test_what_is_known_starts_the_next_run():
+    bias = (1.0 * DEGREE, -1.0 * DEGREE, 0.5 * DEGREE)
+    samples, truth = recording(60.0, bias=bias, delay=0.012)
+    first = filters.make("stateful")
+    first.run(samples)
+    again = filters.make("stateful", Settings(known=first.known))
+    early = Samples(*(part[:500] for part in vars(samples).values()))
+    errors = errors_deg(again.run(early), truth[:500])
+    assert rms(errors) < 0.5 * rms(errors_deg(first.run(early), truth[:500]))
+    assert again.report.mag_delay_s == pytest.approx(0.012, abs=0.002)
+
+
+@pytest.mark.parametrize("name", ["learn_bias", "learn_misalignment", "learn_mag"])
+def test_what_is_not_learned_stays_as_it_was_known(name):
+    known = Known((0.01, 0.0, 0.0), ((0.001, 0.0, 0.0),) * 3, 0.01, (MICRO, 0.0, 0.0))
+    samples, _ = recording(20.0)
+    f = filters.make("stateful", Settings(known=known, **{name: False}))
+    f.run(samples)
+    kept = {
+        "learn_bias": f.known.bias == known.bias,
+        "learn_misalignment": np.array(f.known.misalignment)
+        == pytest.approx(np.array(known.misalignment), abs=1e-12),
+        "learn_mag": (f.known.mag_delay, f.known.hard_iron) == (known.mag_delay, known.hard_iron),
+    }
+    assert [part for part, same in kept.items() if same] == [name]
+
+
 # Six axes, slow and dying magnetometers
 
 
@@ -249,6 +302,7 @@ def test_a_magnetometer_that_dies_leaves_what_it_taught(learning):
     samples.mag[6000:] = np.nan
     alive = learning.run(Samples(*(part[:6000] for part in vars(samples).values())))
     sure = learning.report.heading_stddev_rad
+    assert learning.stddev[1] == sure
     estimate = learning.run(samples)
     assert np.array_equal(estimate[:6000], alive)
     assert errors_deg(estimate, truth)[200:].max() < 2.0  # 60 s of 0.5 °/s would be 30°
@@ -302,7 +356,7 @@ def test_the_first_heading_comes_at_once_and_leaves_the_tilt_alone(learning):
 def test_the_start_is_a_mean_of_snapshots(learning, motion):
     samples, truth = recording(4.0, motion=motion)
     # of 1.4° for one snapshot (0.6 µT in 25 µT) a weight of 3 / n leaves a ninth after 2 s
-    assert errors_deg(learning.run(samples), truth)[200:].max() < 0.5
+    assert errors_deg(learning.run(samples), truth)[200:].max() < 0.6
 
 
 def test_a_start_in_motion_converges_within_seconds(learning):

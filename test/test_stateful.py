@@ -205,6 +205,19 @@ def test_alpha_means_the_same_at_every_rate(rate):
     assert difference(tuple(last), IDENTITY) == pytest.approx(left, rel=0.02)
 
 
+@pytest.mark.parametrize("alpha_heading", [0.999, 0.98])
+def test_alpha_heading_is_that_of_heading_alone(alpha_heading):
+    # a first sample 0.2 rad off in heading or in tilt: see what is left of it after a second
+    settings = Settings(**filters.UNLEARNED | {"alpha_heading": alpha_heading}, alpha=0.99)
+    for axis, alpha in (((0.0, 0.0, 1.0), alpha_heading), ((1.0, 0.0, 0.0), 0.99)):
+        samples, _ = recording("rest", 1.1)
+        samples.accel[0], samples.mag[0] = felt(from_axis_angle(axis, 0.2))
+        if axis[0]:
+            samples.mag[:] = np.nan
+        last = tuple(filters.make("stateful", settings).run(samples)[100])
+        assert difference(last, IDENTITY) == pytest.approx(0.2 * alpha**100, rel=0.03)
+
+
 def test_alpha_one_is_the_gyroscope_alone():
     samples, truth = recording()
     samples.accel[1:], samples.mag[1:] = (0.0, 5.0, 5.0), (1.0, 1.0, 1.0)

@@ -26,6 +26,7 @@ WINDOW = 0.5  # s
 ROWS = 128  # of the log; it takes one row in ROW_TIME
 ROW_TIME = 0.018  # s
 COLUMNS = 14  # rotor 4, gyro 3, accel 3, mag 3, time since the last row
+REGAINED = 0.5  # of the heading that a sudden magnet took before anyone looked back
 STATES = 15  # δ 3, b 3, E 9
 LEARNED = 12  # b and E
 
@@ -63,18 +64,21 @@ DELAY_UNKNOWN = 0.012  # s: rms delay of a magnetometer whose delay is not learn
 FIELD_SMOOTH = 1.5  # s
 NORM_SPREAD = 0.025  # of the norm
 DIP_SPREAD = 0.05  # of the sine
+SUDDEN = 0.25  # of the square of a deviation that is not smoothed, and twice as noisy
 REFERENCE = 40.0  # s in which the reference follows an undisturbed field
 REFERENCE_DISTURBED = 400.0  # s in which it follows any
 YOUNG = 20.0  # s
 LARGEST_DISTURBANCE = 50.0
 # Another field that stays while the sensor turns takes the place of the reference.
 UNTRIED = 2.0  # s of motion in which a reference is hardly binding
-UNTRIED_HEADING = 4.0 * DEGREE  # before the field has turned in the sensor frame
+UNTRIED_HEADING = 7.0 * DEGREE  # before the field has turned in the sensor frame
 CANDIDATE_SPREAD = 9.0  # (3 σ)²
 CANDIDATE_FAR = 16.0  # (4 σ)²
 CANDIDATE_AGE = 1.0  # s of motion, at least
 OLDEST = 40.0  # s of motion
 REST_COUNTS = 0.05  # of a second in motion
+SURPRISE_TIME = 5.0  # s of motion
+SURPRISE_SPREAD = 2.0 * DEGREE  # of heading, from place to place in a room
 SWAP_DEVIATION = 5.0 * DEGREE
 # Hard iron left over, from the norm while the field turns in the sensor frame.
 IRON_AT_START = 0.1  # of the norm
@@ -144,6 +148,7 @@ class Field(NamedTuple):
     dip_candidate: float = 0.0
     candidate_age: float = 0.0  # s of motion
     looks: float = 0.0  # rad that the trusted field turned in the sensor frame
+    surprise: float = 0.0  # rad: mean of what it says of heading beyond what was known
 
 
 UNSEEN = Field()
@@ -540,7 +545,7 @@ def learn(
     drift = (
         (state[0] - x0 - own_x) / WINDOW,
         (state[1] - y0 - own_y) / WINDOW,
-        (state[2] - z0 - own_z) / WINDOW,
+        (state[2] - z0 - own_z + REGAINED * z0) / WINDOW,
     )
     room = Room(
         elapsed, rest_windows, sums.unit, room.iron_known, room.swaps, room.field, room.delay
@@ -685,15 +690,18 @@ def hear(
     dip_candidate += share * (dip - dip_candidate)
     off = ((smooth_norm - norm_reference) / (NORM_SPREAD * norm_reference)) ** 2
     off += ((smooth_dip - dip_reference) / DIP_SPREAD) ** 2
+    now = ((norm - norm_reference) / (NORM_SPREAD * norm_reference)) ** 2
+    now += ((dip - dip_reference) / DIP_SPREAD) ** 2
     tried = 1.0 + (UNTRIED / max(field.reference_age, 1e-3)) ** 2
     trust = 1.0
     if chosen.weigh:
-        trust = 1.0 / (1.0 + min(off / tried, LARGEST_DISTURBANCE))
+        trust = 1.0 / (1.0 + min(max(off, SUDDEN * now) / tried, LARGEST_DISTURBANCE))
     reference_age = min(field.reference_age + motion * trust, OLDEST)
     innovation = math.atan2(fy, fx)
     looks, swaps = field.looks, room.swaps
-    other = off > CANDIDATE_FAR and candidate_age >= max(CANDIDATE_AGE, reference_age)
-    if chosen.weigh and other:
+    far = off + (field.surprise / SURPRISE_SPREAD) ** 2
+    older = candidate_age >= max(CANDIDATE_AGE, reference_age)
+    if chosen.weigh and far > CANDIDATE_FAR and older:
         norm_reference = smooth_norm = norm_candidate
         dip_reference = smooth_dip = dip_candidate
         reference_age = candidate_age
@@ -713,6 +721,8 @@ def hear(
     looks += trust * turned
     state, covariance, row, effect = memory.state, memory.covariance, memory.row, memory.effect
     covariance[32] = max(covariance[32], (UNTRIED_HEADING / (1.0 + looks)) ** 2)
+    share = min(1.0, motion / SURPRISE_TIME)
+    surprise = field.surprise + share * (innovation + state[2] - field.surprise)
     heading_rate, own = 0.0, 0.0
     if level > LEVEL * norm:
         steep = fz / level
@@ -750,6 +760,7 @@ def hear(
         dip_candidate,
         candidate_age,
         looks,
+        surprise,
     )
     room = Room(room.elapsed, room.rest_windows, room.unit, room.iron_known, swaps, field, delays)
     return room, told(learned, delay, hard_iron, trust, heading_rate), own

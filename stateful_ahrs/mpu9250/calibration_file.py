@@ -39,7 +39,6 @@ HEADER = """\
 #   angular rate   = raw - bias                      rad/s
 #   specific force = matrix (raw - offset)           m/s²
 #   magnetic field = soft_iron (raw - hard_iron)     tesla
-# `fusion` loads what it learned of all that the driver leaves over (save_calibration).
 """
 LEARNED = {
     "bias": "bias",
