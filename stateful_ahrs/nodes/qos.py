@@ -26,7 +26,7 @@ SENSOR_SUBSCRIBER = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EF
 class Output:
     """A publisher that is ``wanted`` while someone listens.
 
-    The middleware tells when that changes: to ask it for each sample costs more than to publish.
+    The middleware tells when that changes: to ask it at each sample costs half of publishing.
     """
 
     def __init__(self, node: Node, kind: type, topic: str) -> None:
