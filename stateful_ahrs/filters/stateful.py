@@ -144,17 +144,19 @@ class State(NamedTuple):
 
 
 def gains(settings: Settings) -> Gains:
-    """The settings as the kernel takes them."""
+    """The settings as the kernel takes them; a rotor of its own sign teaches nothing."""
+    learns = settings.learns and settings.stateful
+    taught = chosen(settings) if learns else Chosen(False, False, False, False)
     return Gains(
-        sources(settings, settings.low_pass, settings.learns),
+        sources(settings, settings.low_pass, learns),
         float(settings.alpha),
         float(settings.alpha_rate),
         float(settings.alpha_heading),
         settings.stateful,
         settings.normalise,
         settings.average_start,
-        settings.learns,
-        chosen(settings),
+        learns,
+        taught,
     )
 
 
