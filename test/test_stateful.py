@@ -513,3 +513,11 @@ def test_settings_that_make_no_filter_are_refused(wrong):
 def test_an_unknown_filter_is_refused_with_the_known_ones():
     with pytest.raises(UsageError, match="no filter 'kalman'; there are stateful, paper"):
         filters.make("kalman")
+
+
+def test_a_rotor_of_its_own_sign_teaches_nothing():
+    samples, _ = recording("turns")
+    f = filters.make("stateful", Settings(stateful=False))
+    f.run(samples)
+    assert f.known is None
+    assert f.bias == (0.0, 0.0, 0.0)

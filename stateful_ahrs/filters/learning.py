@@ -26,7 +26,7 @@ WINDOW = 0.5  # s
 ROWS = 128  # of the log; it takes one row in ROW_TIME
 ROW_TIME = 0.018  # s
 COLUMNS = 14  # rotor 4, gyro 3, accel 3, mag 3, time since the last row
-REGAINED = 0.5  # of the heading that a sudden magnet took before anyone looked back
+REGAINED = 0.25  # of the heading that a sudden magnet took before anyone looked back
 STATES = 15  # δ 3, b 3, E 9
 LEARNED = 12  # b and E
 
@@ -71,7 +71,7 @@ YOUNG = 20.0  # s
 LARGEST_DISTURBANCE = 50.0
 # Another field that stays while the sensor turns takes the place of the reference.
 UNTRIED = 2.0  # s of motion in which a reference is hardly binding
-UNTRIED_HEADING = 7.0 * DEGREE  # before the field has turned in the sensor frame
+UNTRIED_HEADING = 6.0 * DEGREE  # before the field has turned in the sensor frame
 CANDIDATE_SPREAD = 9.0  # (3 σ)²
 CANDIDATE_FAR = 16.0  # (4 σ)²
 CANDIDATE_AGE = 1.0  # s of motion, at least

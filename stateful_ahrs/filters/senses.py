@@ -121,10 +121,11 @@ def between(predicted: Rotor, up: Vector, field: Vector, share: float) -> Vector
     """
     ux, uy, uz = up
     fx, fy, fz = field
-    cx, cy, cz = uy * fz - uz * fy, uz * fx - ux * fz, ux * fy - uy * fx
-    across = cx * cx + cy * cy + cz * cz
     square = ux * ux + uy * uy + uz * uz
-    if not across > LEVEL * LEVEL * square * (fx * fx + fy * fy + fz * fz):
+    along = ux * fx + uy * fy + uz * fz
+    whole = square * (fx * fx + fy * fy + fz * fz)
+    across = whole - along * along
+    if not across > LEVEL * LEVEL * whole:
         return (0.0, 0.0, 0.0)
     s = share * math.sqrt(square / across)
     w, x, y, z = predicted

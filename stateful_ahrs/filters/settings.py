@@ -82,8 +82,9 @@ class Settings:
 
     @property
     def learns(self) -> bool:
-        """Whether anything is learned of the sensors."""
-        return self.learn_bias or self.learn_misalignment or self.learn_mag or self.weigh_mag
+        """Whether anything is learned of the sensors, or known of them."""
+        learns = self.learn_bias or self.learn_misalignment or self.learn_mag or self.weigh_mag
+        return learns or self.known != NOTHING
 
 
 DEFAULTS = Settings()

@@ -128,6 +128,7 @@ class Pace(NamedTuple):
     span: float = -1.0  # s, of the step
     weight: float = 0.0  # that α leaves to the gyroscope path in it
     heading: float = 0.0  # likewise alpha_heading
+    reach: float = 0.0  # s: span over the weight of the snapshot
 
 
 NO_PACE = Pace()
@@ -148,9 +149,11 @@ class State(NamedTuple):
 
 
 def gains(settings: Settings) -> Gains:
-    """The settings as the kernel takes them."""
+    """The settings as the kernel takes them; a rotor of its own sign teaches nothing."""
+    learns = settings.learns and settings.stateful
+    taught = chosen(settings) if learns else Chosen(False, False, False, False)
     return Gains(
-        sources(settings, settings.low_pass, settings.learns),
+        sources(settings, settings.low_pass, learns),
         float(settings.alpha),
         float(settings.alpha_rate),
         float(settings.alpha_heading),
@@ -158,8 +161,8 @@ def gains(settings: Settings) -> Gains:
         settings.normalise,
         settings.average_start,
         settings.despike,
-        settings.learns,
-        chosen(settings),
+        learns,
+        taught,
     )
 
 
@@ -214,7 +217,8 @@ def paced(pace: Pace, gains: Gains, dt: float) -> Pace:
     heading = 0.0
     if gains.alpha_heading >= 0.0:
         heading = weight_of_gyro(gains.alpha_heading, gains.alpha_rate, dt)
-    return Pace(dt, weight_of_gyro(gains.alpha, gains.alpha_rate, dt), heading)
+    weight = weight_of_gyro(gains.alpha, gains.alpha_rate, dt)
+    return Pace(dt, weight, heading, dt / (1.0 - weight) if weight < 1.0 else 0.0)
 
 
 def weights(gains: Gains, learned: Learned, pace: Pace, elapsed: float) -> tuple[float, float]:
@@ -225,8 +229,7 @@ def weights(gains: Gains, learned: Learned, pace: Pace, elapsed: float) -> tuple
     if gains.alpha_heading >= 0.0:
         share = learned.trust * (1.0 - pace.heading) / rest if rest > 0.0 else 0.0
     elif gains.chosen.weigh:
-        apart = learned.heading_rate * dt
-        share = apart / rest if apart < rest else 1.0
+        share = min(1.0, learned.heading_rate * pace.reach)
     if gains.average_start and dt > 0.0:
         if not gains.sources.low_pass:
             if elapsed < START:
@@ -424,7 +427,9 @@ def run(
 
 def runner() -> Callable[..., Any]:
     """`run`, compiled into one function but for the slow room, which is long and seldom called."""
-    return compiled(bind(run, look_back=compiled(look_back, fused=True)), inline=True, fused=True)
+    return compiled(
+        bind(run, look_back=compiled(look_back, inline=True, fused=True)), inline=True, fused=True
+    )
 
 
 STATEFUL = Kernel(step, State(), gains)
