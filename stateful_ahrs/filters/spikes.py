@@ -1,8 +1,9 @@
 """What a single bad sample may do: one that neither of its neighbours confirms is taken back.
 
 A motion does not turn faster by 4 rad/s for one sample and is back with the next; a glitch on the
-bus does. A rate and a force are taken back with the next sample, a field is not taken before the
-next confirms it. Not in the paper, and off where a filter is the paper's.
+bus does. A rate and a force are taken back with the next sample; a field that differs from the
+last good one by more than that is not taken, unless it stays. Not in the paper, and off where a
+filter is the paper's.
 """
 
 from __future__ import annotations
@@ -15,42 +16,45 @@ ZERO: Vector = (0.0, 0.0, 0.0)
 JUMP_OF_RATE = 4.0  # rad/s
 JUMP_OF_FORCE = 30.0  # m/s²
 ALIKE = 1.0 / 16.0  # of the square of the jump: how near the two neighbours are
+STAYS = 0.25  # s
 
 
 class Seen(NamedTuple):
-    """The last samples, whatever was made of them."""
+    """What is remembered for it, beside the last good rate."""
 
-    rate: Vector = ZERO  # rad/s
-    rate_before: Vector = ZERO
+    rate_before: Vector = ZERO  # rad/s, before the last
     span: float = 0.0  # s that the last rate turned for
-    force: Vector = ZERO  # m/s²
+    force: Vector = ZERO  # the last, m/s²
     force_before: Vector = ZERO
-    field: Vector = ZERO  # earth frame; zero before the first
+
+
+def way_back(last: Vector, seen: Seen, rate: Vector) -> Rotor:
+    """What takes back the last turn if its rate (rad/s) was none; else the identity."""
+    x, y, z = to_neighbours(last, seen.rate_before, rate, JUMP_OF_RATE)
+    if x == 0.0 and y == 0.0 and z == 0.0:
+        return IDENTITY
+    u, v, w = last
+    meant = from_rate((u + x, v + y, w + z), seen.span)
+    return product(conjugate(from_rate(last, seen.span)), meant)
 
 
 def to_neighbours(last: Vector, before: Vector, after: Vector, jump: float) -> Vector:
     """From the last vector to the mean of its neighbours if they agree without it; else zero."""
-    one, other = minus(before, last), minus(after, last)
+    other = minus(after, last)
+    if not square(other) > jump * jump:
+        return ZERO
+    one = minus(before, last)
     far = min(square(one), square(other))
     if not (far > jump * jump and square(minus(one, other)) <= ALIKE * far):
         return ZERO
     return (0.5 * (one[0] + other[0]), 0.5 * (one[1] + other[1]), 0.5 * (one[2] + other[2]))
 
 
-def way_back(seen: Seen, rate: Vector) -> Rotor:
-    """What takes back the last turn if its rate (rad/s) was none; else the identity."""
-    x, y, z = to_neighbours(seen.rate, seen.rate_before, rate, JUMP_OF_RATE)
-    if x == 0.0 and y == 0.0 and z == 0.0:
-        return IDENTITY
-    u, v, w = seen.rate
-    meant = from_rate((u + x, v + y, w + z), seen.span)
-    return product(conjugate(from_rate(seen.rate, seen.span)), meant)
-
-
-def is_confirmed(field: Vector, last: Vector) -> bool:
-    """Whether a field differs by less than itself from the last seen (earth frame), or is first."""
-    far = square(minus(field, last)) > min(square(field), square(last))
-    return not far or (last[0] == 0.0 and last[1] == 0.0 and last[2] == 0.0)
+def is_glitch(mag: Vector, last: Vector, age: float) -> bool:
+    """Whether a field differs by more than itself from a last good one that is not old (s)."""
+    if not age < STAYS:
+        return False
+    return square(minus(mag, last)) > min(square(mag), square(last))
 
 
 def square(v: Vector) -> float:

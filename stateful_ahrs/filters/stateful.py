@@ -78,7 +78,7 @@ from .senses import UP as UP
 from .senses import WEAKEST as WEAKEST
 from .settings import DEFAULTS, Known
 from .settings import Settings as Settings
-from .spikes import JUMP_OF_FORCE, ZERO, Seen, is_confirmed, to_neighbours, way_back
+from .spikes import JUMP_OF_FORCE, ZERO, Seen, is_glitch, to_neighbours, way_back
 from .stamps import steps
 
 NEAR_UNIT = 1e-6  # of the square of a length: one step of Newton is then as good as the root
@@ -252,21 +252,17 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
         mag = true_field(learned, mag, turn_rate)
     turn = from_rate(turn_rate, dt)
     seen = state.seen
-    if gains.despike and dt > 0.0:
-        turn = product(way_back(seen, rate), turn)
-    rotor = predicted = predict(state.rotor, turn)
     if gains.despike:
-        field, force = rotate(predicted, mag), accel
         if dt > 0.0:
-            if not is_confirmed(field, seen.field):
+            turn = product(way_back(state.senses.rate, seen, rate), turn)
+            if is_glitch(mag, state.senses.mag, state.senses.mag_age):
                 mag = ZERO  # none, and counted
-            if gains.sources.low_pass and usable(seen.force):
-                # The low-pass is linear: this undoes in it what the last force did.
-                knock = to_neighbours(seen.force, seen.force_before, force, JUMP_OF_FORCE)
-                accel = total(accel, rotate(conjugate(turn), knock))
-        if field[0] != field[0]:
-            field = seen.field
-        seen = Seen(rate, seen.rate, dt, force, seen.force, field)
+        seen = Seen(state.senses.rate, dt, accel, seen.force)
+    rotor = predicted = predict(state.rotor, turn)
+    if gains.despike and gains.sources.low_pass and dt > 0.0 and usable(state.seen.force):
+        # The low-pass is linear: this undoes in it what the last force did.
+        knock = to_neighbours(state.seen.force, state.seen.force_before, accel, JUMP_OF_FORCE)
+        accel = total(accel, rotate(conjugate(turn), knock))
     pace = paced(state.pace, gains, dt)
     weight, share = weights(gains, learned, pace, state.elapsed)
     senses, found, _, begins, snapshot = look(
