@@ -223,7 +223,7 @@ def look(
         rate,
         field,
         mag_age,
-        senses.started or found,
+        found or (senses.started and dt > 0.0),
         heading_known or from_mag,
         turned,
         sign_corrections,

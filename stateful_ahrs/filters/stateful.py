@@ -78,7 +78,7 @@ from .senses import UP as UP
 from .senses import WEAKEST as WEAKEST
 from .settings import DEFAULTS, Known
 from .settings import Settings as Settings
-from .spikes import JUMP_OF_FORCE, ZERO, Seen, is_glitch, to_neighbours, way_back
+from .spikes import JUMP_OF_FORCE, SHORT, ZERO, Seen, is_glitch, to_neighbours, way_back
 from .stamps import steps
 
 NEAR_UNIT = 1e-6  # of the square of a length: one step of Newton is then as good as the root
@@ -103,6 +103,7 @@ class Gains(NamedTuple):
     normalise: bool
     average_start: bool
     despike: bool
+    corrects: bool
     learns: bool
     chosen: Chosen
 
@@ -161,6 +162,7 @@ def gains(settings: Settings) -> Gains:
         settings.normalise,
         settings.average_start,
         settings.despike,
+        settings.corrects,
         learns,
         taught,
     )
@@ -247,19 +249,20 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
     learned = state.learned
     rate, gyro_rejected = held(state.senses, gyro)
     turn_rate = rate
-    if gains.learns:
+    if gains.corrects:
         turn_rate = true_rate(learned, rate)
         mag = true_field(learned, mag, turn_rate)
     turn = from_rate(turn_rate, dt)
     seen = state.seen
+    despike = gains.despike and 0.0 < dt < SHORT
     if gains.despike:
-        if dt > 0.0:
+        if despike:
             turn = product(way_back(state.senses.rate, seen, rate), turn)
             if is_glitch(mag, state.senses.mag, state.senses.mag_age):
                 mag = ZERO  # none, and counted
         seen = Seen(state.senses.rate, dt, accel, seen.force)
     rotor = predicted = predict(state.rotor, turn)
-    if gains.despike and gains.sources.low_pass and dt > 0.0 and usable(state.seen.force):
+    if despike and gains.sources.low_pass and usable(state.seen.force):
         # The low-pass is linear: this undoes in it what the last force did.
         knock = to_neighbours(state.seen.force, state.seen.force_before, accel, JUMP_OF_FORCE)
         accel = total(accel, rotate(conjugate(turn), knock))
@@ -346,7 +349,7 @@ def note(log: Floats, state: State, accel: Vector, mag: Vector, row_time: float)
     """Write the sample that made ``state`` into the log, as its last row."""
     senses = state.senses
     at = COLUMNS * (state.past.rows - 1)
-    log[at], log[at + 1], log[at + 2], log[at + 3] = state.predicted
+    log[at], log[at + 1], log[at + 2], log[at + 3] = unit(state.predicted)
     log[at + 4], log[at + 5], log[at + 6] = senses.rate
     force = accel if usable(accel) else senses.up
     log[at + 7], log[at + 8], log[at + 9] = force
@@ -471,10 +474,6 @@ class StatefulFilter(KernelFilter):
         room, learned = begin(self._memory, self.settings.known)
         self._state = self._before = self._state._replace(learned=learned, room=room)
 
-    def _changed(self) -> None:
-        self._state = self._state._replace(pace=NO_PACE)
-        self._before = self._before._replace(pace=NO_PACE)
-
     def _take(self, mag: Vector) -> None:
         assert self._inputs is not None
         row_time = self._before.past.row_time + self._inputs[2]
@@ -526,7 +525,7 @@ class StatefulFilter(KernelFilter):
     @property
     def bias(self) -> Vector:
         """See `KernelFilter`."""
-        return self._state.learned.bias if self._gains.learns else (0.0, 0.0, 0.0)
+        return self._state.learned.bias if self._gains.corrects else (0.0, 0.0, 0.0)
 
     @property
     def known(self) -> Known | None:
