@@ -62,6 +62,20 @@ def rotate(q: Rotor, v: Vector) -> Vector:
     )
 
 
+def carried(q: Rotor, v: Vector) -> Vector:
+    """``q* v q`` for a unit rotor: earth → sensor; what stands still, as a turn leaves it."""
+    w, x, y, z = q
+    vx, vy, vz = v
+    tx = 2.0 * (z * vy - y * vz)
+    ty = 2.0 * (x * vz - z * vx)
+    tz = 2.0 * (y * vx - x * vy)
+    return (
+        vx + w * tx + z * ty - y * tz,
+        vy + w * ty + x * tz - z * tx,
+        vz + w * tz + y * tx - x * ty,
+    )
+
+
 def plus(p: Rotor, q: Rotor) -> Rotor:
     """Sum, element by element."""
     return (p[0] + q[0], p[1] + q[1], p[2] + q[2], p[3] + q[3])

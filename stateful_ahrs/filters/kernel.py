@@ -97,18 +97,17 @@ class KernelFilter:
         """
         self._before = self._state
         self._inputs = (gyro, accel, dt)
-        self._take(self._mag)
+        self._take(gyro, accel, self._mag, dt)
         self._mag = NO_MAG
         return self.rotor
 
     def amend_mag(self, mag: Vector) -> None:
         """Take the last step again with its magnetometer sample, which came after it."""
         if self._inputs is not None:  # none since the reset
-            self._take(mag)
+            gyro, accel, dt = self._inputs
+            self._take(gyro, accel, mag, dt)
 
-    def _take(self, mag: Vector) -> None:
-        assert self._inputs is not None
-        gyro, accel, dt = self._inputs
+    def _take(self, gyro: Vector, accel: Vector, mag: Vector, dt: float) -> None:
         self._state = self._kernel.step(self._before, self._gains, gyro, accel, mag, dt)
 
     def run(self, samples: Samples) -> Array:

@@ -41,6 +41,10 @@ MISALIGNMENT_AT_START = 0.005
 BIAS_IF_KNOWN = 0.1 * DEGREE  # rad/s, of an earlier run
 MISALIGNMENT_IF_KNOWN = 0.002
 DELAY_IF_KNOWN = 10.0  # rad²/s s: the turning that it took
+# What it tells of its errors.
+HEADING_SHARE, TILT_SHARE = 0.5, 0.5  # of what it takes for them
+HEADING_FLOOR = 2.0 * DEGREE  # what the field of a room is off and no filter can know
+TILT_FLOOR = 0.1 * DEGREE
 # What the sensors do meanwhile.
 ATTITUDE_WALK = (0.2 * DEGREE) ** 2  # rad²/s
 BIAS_WALK = (0.015 * DEGREE) ** 2  # (rad/s)²/s
@@ -130,8 +134,8 @@ class Learned(NamedTuple):
     trust: float = 1.0  # of the magnetometer, 0 to 1
     heading_rate: float = 0.0  # 1/s: how fast heading should go to the measured north
     drift: Vector = (0.0, 0.0, 0.0)  # rad/s, earth frame: repairs what a wrong calibration did
-    heading_variance: float = HEADING_AT_START**2  # rad²
-    tilt_variance: float = TILT_AT_START**2  # rad², for each axis
+    heading_stddev: float = HEADING_SHARE * HEADING_AT_START  # rad
+    tilt_stddev: float = TILT_SHARE * TILT_AT_START  # rad, for each axis
     resting: bool = False
 
 
@@ -255,7 +259,8 @@ def start_anew(memory: Memory, room: Room, learned: Learned) -> tuple[Room, Lear
     room = Room(0.0, 0, unit, iron_known, swaps, UNSEEN, delay)
     learned = Learned(
         learned.bias, learned.row_x, learned.row_y, learned.row_z, learned.delay,
-        learned.hard_iron, 1.0, 0.0, zero, HEADING_AT_START**2, TILT_AT_START**2, False,
+        learned.hard_iron, 1.0, 0.0, zero, HEADING_SHARE * HEADING_AT_START,
+        TILT_SHARE * TILT_AT_START, False,
     )  # fmt: skip
     return room, learned
 
@@ -552,6 +557,8 @@ def learn(
         elapsed, rest_windows, sums.unit, room.iron_known, room.swaps, room.field, room.delay
     )
     covariance = memory.covariance
+    tilt = 0.5 * (covariance[0] + covariance[16] + state[0] * state[0] + state[1] * state[1])
+    heading = covariance[32] + state[2] * state[2]
     bias, rx, ry, rz = learned.bias, learned.row_x, learned.row_y, learned.row_z
     learned = Learned(
         (bias[0] + state[3], bias[1] + state[4], bias[2] + state[5]),
@@ -563,8 +570,8 @@ def learn(
         learned.trust,
         learned.heading_rate,
         drift,
-        covariance[32] + state[2] * state[2],
-        0.5 * (covariance[0] + covariance[16] + state[0] * state[0] + state[1] * state[1]),
+        math.hypot(HEADING_SHARE * math.sqrt(heading), HEADING_FLOOR),
+        math.hypot(TILT_SHARE * math.sqrt(tilt), TILT_FLOOR),
         resting,
     )
     return room, learned
@@ -576,7 +583,7 @@ def told(
     """What was learned, with the magnetometer's part anew."""
     return Learned(
         learned.bias, learned.row_x, learned.row_y, learned.row_z, delay, hard_iron, trust,
-        heading_rate, learned.drift, learned.heading_variance, learned.tilt_variance,
+        heading_rate, learned.drift, learned.heading_stddev, learned.tilt_stddev,
         learned.resting,
     )  # fmt: skip
 

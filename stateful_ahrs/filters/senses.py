@@ -19,11 +19,10 @@ from ..rotor import (
     IDENTITY,
     Rotor,
     Vector,
-    conjugate,
+    carried,
     dot,
     from_rate,
     negative,
-    rotate,
     unit,
 )
 from ..snapshot.dcm import dcm
@@ -100,7 +99,7 @@ def low_passed(
     senses: Senses, turn: Rotor, accel: Vector, good: bool, dt: float
 ) -> tuple[Vector, float]:
     """The mean of specific force, at first of all samples, in axes that the gyroscope carries."""
-    x, y, z = rotate(conjugate(turn), senses.up)
+    x, y, z = carried(turn, senses.up)
     time = senses.up_time
     if good:
         s = dt / min(time + dt, LOW_PASS + dt)
@@ -171,7 +170,7 @@ def look(
         fresh = 1e-24 < square < 1e24
         if not fresh:
             mag_rejected += 1
-    field = mag if fresh else rotate(conjugate(turn), senses.mag)
+    field = mag if fresh else carried(turn, senses.mag)
 
     has_up = usable(accel)
     accel_rejected = senses.accel_rejected
@@ -194,11 +193,11 @@ def look(
         elif heading_known:
             from_mag, rotor = snapshot(up, between(predicted, up, field, share))
         else:  # the first heading leaves the tilt alone
-            from_mag, rotor = snapshot(rotate(conjugate(unit(predicted)), UP), field)
+            from_mag, rotor = snapshot(carried(unit(predicted), UP), field)
         if fresh and not from_mag:  # along gravity
             fresh = False
             mag_rejected += 1
-            field = rotate(conjugate(turn), senses.mag)
+            field = carried(turn, senses.mag)
     begins = starts or (from_mag and not heading_known)
     if fresh:
         mag_age = 0.0
@@ -206,7 +205,7 @@ def look(
     if has_up and not found:
         north = sources.north_at_start
         if senses.started:
-            north = rotate(conjugate(unit(predicted)), NORTH)
+            north = carried(unit(predicted), NORTH)
         found, rotor = dcm(up, north)
         if starts and not found:
             found, rotor = dcm(up, UP)

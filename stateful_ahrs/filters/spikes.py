@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ..rotor import IDENTITY, Rotor, Vector, conjugate, from_rate, minus, product
+from ..rotor import Rotor, Vector, carried, conjugate, from_rate, minus, product
+from .senses import usable
 
 ZERO: Vector = (0.0, 0.0, 0.0)
 JUMP_OF_RATE = 4.0  # rad/s
@@ -29,22 +30,31 @@ class Seen(NamedTuple):
     force_before: Vector = ZERO
 
 
+def is_far(u: Vector, v: Vector, jump: float) -> bool:
+    """Whether two vectors are further apart than that: one of them may be a glitch."""
+    x, y, z = u[0] - v[0], u[1] - v[1], u[2] - v[2]
+    return x * x + y * y + z * z > jump * jump
+
+
 def way_back(last: Vector, seen: Seen, rate: Vector) -> Rotor:
     """What takes back the last turn if its rate (rad/s) was none; else the identity."""
     x, y, z = to_neighbours(last, seen.rate_before, rate, JUMP_OF_RATE)
-    if x == 0.0 and y == 0.0 and z == 0.0:
-        return IDENTITY
     u, v, w = last
     meant = from_rate((u + x, v + y, w + z), seen.span)
     return product(conjugate(from_rate(last, seen.span)), meant)
 
 
+def knocked_off(seen: Seen, turn: Rotor, accel: Vector) -> Vector:
+    """What undoes in a low-pass, which is linear, what the last force did if it was none."""
+    if not usable(seen.force):
+        return ZERO
+    knock = to_neighbours(seen.force, seen.force_before, accel, JUMP_OF_FORCE)
+    return carried(turn, knock)
+
+
 def to_neighbours(last: Vector, before: Vector, after: Vector, jump: float) -> Vector:
     """From the last vector to the mean of its neighbours if they agree without it; else zero."""
-    other = minus(after, last)
-    if not square(other) > jump * jump:
-        return ZERO
-    one = minus(before, last)
+    one, other = minus(before, last), minus(after, last)
     far = min(square(one), square(other))
     if not (far > jump * jump and square(minus(one, other)) <= ALIKE * far):
         return ZERO

@@ -39,7 +39,6 @@ from ..rotor import (
     Rotor,
     Vector,
     blend,
-    conjugate,
     dot,
     from_rate,
     negative,
@@ -78,7 +77,17 @@ from .senses import UP as UP
 from .senses import WEAKEST as WEAKEST
 from .settings import DEFAULTS, Known
 from .settings import Settings as Settings
-from .spikes import JUMP_OF_FORCE, SHORT, ZERO, Seen, is_glitch, to_neighbours, way_back
+from .spikes import (
+    JUMP_OF_FORCE,
+    JUMP_OF_RATE,
+    SHORT,
+    ZERO,
+    Seen,
+    is_far,
+    is_glitch,
+    knocked_off,
+    way_back,
+)
 from .stamps import steps
 
 NEAR_UNIT = 1e-6  # of the square of a length: one step of Newton is then as good as the root
@@ -87,9 +96,6 @@ START_LOW_PASSED = LOW_PASS  # s: until the low-pass is full, its up is taken wh
 AVERAGED = 2.0 * LOW_PASS  # s: until then a slow α is that of a mean
 NEWER = 3.0  # at the start: the mean north of all samples, the newer the more
 DISTURBED = 0.1  # trust of a field three standard deviations off
-HEADING_SHARE, TILT_SHARE = 0.5, 0.5  # of what the slow room takes for its error
-HEADING_FLOOR = math.radians(2.0)  # what the field of a room is off and no filter can know
-TILT_FLOOR = math.radians(0.1)
 
 
 class Gains(NamedTuple):
@@ -246,33 +252,32 @@ def weights(gains: Gains, learned: Learned, pace: Pace, elapsed: float) -> tuple
 
 def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, dt: float) -> State:
     """Take one sample of all sensors, ``dt`` s after the last; 0 starts anew (eq. 16)."""
-    learned = state.learned
-    rate, gyro_rejected = held(state.senses, gyro)
+    learned, seen, last = state.learned, state.seen, state.senses
+    rate, gyro_rejected = held(last, gyro)
     turn_rate = rate
     if gains.corrects:
         turn_rate = true_rate(learned, rate)
-        mag = true_field(learned, mag, turn_rate)
+        if mag[0] == mag[0]:
+            mag = true_field(learned, mag, turn_rate)
     turn = from_rate(turn_rate, dt)
-    seen = state.seen
-    despike = gains.despike and 0.0 < dt < SHORT
+    force = accel
     if gains.despike:
-        if despike:
-            turn = product(way_back(state.senses.rate, seen, rate), turn)
-            if is_glitch(mag, state.senses.mag, state.senses.mag_age):
+        if 0.0 < dt < SHORT:
+            if is_far(rate, last.rate, JUMP_OF_RATE):
+                turn = product(way_back(last.rate, seen, rate), turn)
+            if mag[0] == mag[0] and is_glitch(mag, last.mag, last.mag_age):
                 mag = ZERO  # none, and counted
-        seen = Seen(state.senses.rate, dt, accel, seen.force)
+            if gains.sources.low_pass and is_far(accel, seen.force, JUMP_OF_FORCE):
+                accel = total(accel, knocked_off(seen, turn, accel))
+        seen = Seen(last.rate, dt, force, seen.force)
     rotor = predicted = predict(state.rotor, turn)
-    if despike and gains.sources.low_pass and usable(state.seen.force):
-        # The low-pass is linear: this undoes in it what the last force did.
-        knock = to_neighbours(state.seen.force, state.seen.force_before, accel, JUMP_OF_FORCE)
-        accel = total(accel, rotate(conjugate(turn), knock))
     pace = paced(state.pace, gains, dt)
     weight, share = weights(gains, learned, pace, state.elapsed)
     senses, found, _, begins, snapshot = look(
-        state.senses, gains.sources, (turn, rate, gyro_rejected), accel, mag, predicted, dt, share
+        last, gains.sources, (turn, rate, gyro_rejected), accel, mag, predicted, dt, share
     )
     elapsed = state.elapsed + dt
-    starts = dt <= 0.0 or not state.senses.started
+    starts = dt <= 0.0 or not last.started
     if begins:
         rotor = snapshot
         if starts:
@@ -474,19 +479,20 @@ class StatefulFilter(KernelFilter):
         room, learned = begin(self._memory, self.settings.known)
         self._state = self._before = self._state._replace(learned=learned, room=room)
 
-    def _take(self, mag: Vector) -> None:
-        assert self._inputs is not None
-        row_time = self._before.past.row_time + self._inputs[2]
-        super()._take(mag)
-        past = self._state.past
-        if past.rows > 0 and past.row_time == 0.0:
-            note(self._memory.log, self._state, self._inputs[1], mag, row_time)
+    def _take(self, gyro: Vector, accel: Vector, mag: Vector, dt: float) -> None:
+        before = self._before
+        if before.past.due:
+            before = self._before = look_back(before, self._memory, self._gains)
+        state = self._state = step(before, self._gains, gyro, accel, mag, dt)
+        past = state.past
+        if past.row_time == 0.0 and past.rows > 0:
+            note(self._memory.log, state, accel, mag, before.past.row_time + dt)
 
-    def update_imu(self, gyro: Vector, accel: Vector, dt: float) -> Rotor:
-        """See `KernelFilter`; first the slow room looks back, if it is due."""
-        if self._state.past.due:
-            self._state = look_back(self._state, self._memory, self._gains)
-        return super().update_imu(gyro, accel, dt)
+    @property
+    def rotor(self) -> Rotor:
+        """See `KernelFilter`."""
+        normalised = self._gains.normalise and self._gains.stateful
+        return self._state.rotor if normalised else unit(self._state.rotor)
 
     def run(self, samples: Samples) -> Array:
         """Rotors (n, 4) for a whole recording, from a fresh start; compiled where numba is."""
@@ -517,10 +523,8 @@ class StatefulFilter(KernelFilter):
         if not self._gains.learns:
             return None
         learned = self._state.learned
-        heading = math.inf
-        if self._state.senses.heading_known:
-            heading = math.hypot(HEADING_SHARE * math.sqrt(learned.heading_variance), HEADING_FLOOR)
-        return math.hypot(TILT_SHARE * math.sqrt(learned.tilt_variance), TILT_FLOOR), heading
+        known = self._state.senses.heading_known
+        return learned.tilt_stddev, learned.heading_stddev if known else math.inf
 
     @property
     def bias(self) -> Vector:

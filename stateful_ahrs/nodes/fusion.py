@@ -226,11 +226,12 @@ class Fusion(Node):
         if mag is not None:
             self._filter.update_mag(mag)
         attitude = self._filter.update_imu(gyro, sample.accel, dt)
-        if self._filter.started:
+        started = self._filter.started
+        if started:
             self._orientation = self._world.update(attitude)
         if self._imu_out.wanted:
-            self._publish(sample, stamp, rotor.minus(gyro, self._filter.bias))
-        if self._filter.started:
+            self._publish(sample, stamp, rotor.minus(gyro, self._filter.bias), started)
+        if started:
             self._publish_derived(sample, stamp)
 
     def _on_mag(self, message: Any) -> None:
@@ -264,9 +265,8 @@ class Fusion(Node):
 
     # Orientation out
 
-    def _publish(self, sample: Inertial, stamp: int, gyro: Vector) -> None:
+    def _publish(self, sample: Inertial, stamp: int, gyro: Vector, started: bool) -> None:
         """Publish imu/data: the sample, its rates less the bias, with the orientation."""
-        started = self._filter.started
         covariance = self._orientation_covariance() if started else self._unknown
         accel = sample.accel
         gyro_covariance, accel_covariance = sample.gyro_covariance, sample.accel_covariance
