@@ -284,6 +284,7 @@ def test_two_sensors_on_one_topic_are_an_error(graph, sensor):
 )
 def test_a_sensor_that_gives_nothing_usable_is_a_warning(graph, sensor, sample, name):
     diagnostics = graph.hear(DiagnosticArray, "/diagnostics")
+    sensor.send_all([START + sensor.sent * PERIOD])  # it has started
 
     def told():
         sensor.send(START + sensor.sent * PERIOD, **sample)
