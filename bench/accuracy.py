@@ -7,6 +7,7 @@ defaults and swept; the groups of trials; and what is made worse on purpose.
 from __future__ import annotations
 
 import argparse
+import functools
 import json
 import re
 import sys
@@ -31,11 +32,24 @@ from stateful_ahrs.recordings.progress import bar
 
 from .peers import PEERS, Peer, vqf, vqf_six
 
+TABLES = ("filters", "groups", "worse")  # as they are marked in the page
 PAGE = Path(__file__).parents[1] / "docs" / "accuracy.md"
 OURS = "stateful"
 TAU_12 = 0.999167  # α of 12 s
+SLOW_HEADING = 0.9995  # α of 20 s
 BESIDE = ("VQF", vqf)
 Method = tuple[str, Mapping[str, Any]]  # a name, and options
+
+TAUGHT = ("learn_misalignment", "learn_mag", "learn_bias", "weigh_mag")
+PARTS: tuple[Mapping[str, Any], ...] = (  # of ours, switched off
+    {"learn_misalignment": False},
+    {"learn_mag": False},
+    *(dict.fromkeys(TAUGHT[:n], False) for n in range(2, len(TAUGHT) + 1)),
+    {"weigh_mag": False},
+    {"low_pass": False},
+    {"alpha_heading": SLOW_HEADING},
+    {"alpha": TAU_12},
+)
 
 GROUPS = (
     *("rotation", "translation", "slow", "fast", "tapping", "vibration"),
@@ -146,9 +160,15 @@ def rotors(samples: Samples, method: str, options: Mapping[str, Any], mag: bool 
     return peers()[method].run(samples, **options)
 
 
+@functools.cache
+def read(path: Path) -> Trial:
+    """Each is read once in each process."""
+    return prepare(load(path))
+
+
 def score(run: Run, folder: Path) -> Rmse:
     """The errors of one run."""
-    trial = WORSE.get(run.worse, WORSE["as recorded"])(prepare(load(folder / f"{run.trial}.mat")))
+    trial = WORSE.get(run.worse, WORSE["as recorded"])(read(folder / f"{run.trial}.mat"))
     found = rotors(trial.samples, run.method, run.options, mag=run.worse != NO_MAG)
     assert trial.truth
     return rmse_deg(found, trial.truth)
@@ -159,7 +179,7 @@ def all_runs(trials: Iterable[str], sweep: bool, only: set[str]) -> list[Run]:
     ours: list[Method] = [
         (name, {}) for name in (OURS, "paper", "ekf", "kckf", "fkf", "gdalkf", "aqua")
     ]
-    ours += [("paper", {"alpha": TAU_12})]
+    ours += [("paper", {"alpha": TAU_12}), *((OURS, part) for part in PARTS)]
     others: list[Method] = [
         (peer.name, options)
         for peer in reversed(PEERS)
@@ -202,7 +222,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def methods_table(found: Found) -> str:
-    """Ours and the peers, with defaults and with the best of the sweep."""
+    """Ours, each row as it was run, and the peers with defaults and the best of their sweep."""
     rows = []
     names = dict.fromkeys(method for method, _, _ in found)
     for name in sorted(names, key=lambda name: name not in filters.FILTERS):
@@ -211,10 +231,13 @@ def methods_table(found: Found) -> str:
             for (method, options, worse), trials in found.items()
             if method == name and worse == "as recorded"
         }
-        rows.append([f"`{name}`" if name in filters.FILTERS else name, "", *_three(own["{}"])])
+        if name in filters.FILTERS:
+            rows += [[f"`{name}`", _told(each), *_three(own[each])] for each in own]
+            continue
+        rows.append([name, _told("{}"), *_three(own["{}"])])
         if len(own) > 1:
             best = min(own, key=lambda options: own[options].total)
-            rows.append(["", f"best of {len(own)}: {_told(best)}", *_three(own[best])])
+            rows.append([name, f"best of {len(own)}: {_told(best)}", *_three(own[best])])
     return table(["filter", "constants", "total", "heading", "inclination"], rows)
 
 
@@ -247,10 +270,12 @@ def _three(rmse: Rmse) -> list[str]:
 
 def _told(options: str) -> str:
     pairs = json.loads(options).items()
-    return ", ".join(f"{name} {_short(value)}" for name, value in pairs) or "defaults"
+    return ", ".join(f"`{name}` {_short(value)}" for name, value in pairs) or "defaults"
 
 
 def _short(value: Any) -> str:
+    if isinstance(value, bool):
+        return "on" if value else "off"
     if isinstance(value, list):
         return "(" + ", ".join(map(_short, value)) + ")"
     return f"{value:g}"
@@ -278,7 +303,12 @@ def main() -> None:
     trials = sorted(path.stem for path in options.folder.glob("*.mat"))
     if not trials:
         sys.exit(f"accuracy: {options.folder} has no .mat: expected the trials of BROAD.")
+    if options.page:
+        for name in TABLES:  # before the hour, not after it
+            put(PAGE.read_text(), name, "")
     only = {name for name in options.peers.split(",") if name} | {BESIDE[0]}
+    if unknown := only - set(peers()):
+        sys.exit(f"accuracy: no peer {', '.join(sorted(unknown))}: expected {', '.join(peers())}.")
     runs = all_runs(trials, not options.no_sweep, only if options.peers else set())
     found: Found = {}
     with bar("accuracy") as progress:
@@ -289,12 +319,8 @@ def main() -> None:
             found.setdefault(key(run), {})[run.trial] = rmse
             if progress:
                 progress((done + 1) / len(runs))
-    tables = {
-        "filters": methods_table(found),
-        "groups": groups_table(found, options.folder),
-        "worse": worse_table(found),
-    }
-    print("\n\n".join(tables.values()))
+    tables = methods_table(found), groups_table(found, options.folder), worse_table(found)
+    print("\n\n".join(tables))
     if options.json:
         rows = [
             {"filter": m, "options": json.loads(o), "recordings_with": w, "trial": t, **r._asdict()}
@@ -304,7 +330,7 @@ def main() -> None:
         options.json.write_text(json.dumps(rows, indent=1) + "\n")
     if options.page:
         page = PAGE.read_text()
-        for name, text in tables.items():
+        for name, text in zip(TABLES, tables, strict=True):
             page = put(page, name, text)
         PAGE.write_text(page)
 

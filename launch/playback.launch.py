@@ -13,6 +13,8 @@ from launch.actions import (
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
+TOPICS = ("imu/data_raw", "imu/mag", "ground_truth")
+
 
 def generate_launch_description() -> LaunchDescription:
     return LaunchDescription(
@@ -32,12 +34,18 @@ def generate_launch_description() -> LaunchDescription:
 def player(context: LaunchContext) -> list[Node]:
     """The player; all ends with it."""
     options = LaunchConfiguration("options").perform(context)
+    try:
+        arguments = shlex.split(options)
+    except ValueError as error:
+        raise RuntimeError(f"options cannot be read ({error}): {options}") from None
     return [
         Node(
             package="stateful_ahrs",
             executable="bag_player",
             namespace=LaunchConfiguration("namespace"),
-            arguments=[LaunchConfiguration("bag"), *shlex.split(options)],
+            arguments=[LaunchConfiguration("bag"), *arguments],
+            # a bag's topics are absolute: these follow the namespace
+            remappings=[(f"/{topic}", topic) for topic in TOPICS],
             output="screen",
             on_exit=Shutdown(),
         )

@@ -129,9 +129,9 @@ def test_another_encoding_leaves_the_fast_lane_and_is_counted(tmp_path):
         assert (fast.slow, fast.malformed) == (before + 1, 0)
 
 
-@pytest.mark.parametrize("data", [b"", b"\x00\x01", b"\x00\x01\x00\x00" + bytes(100)])
+@pytest.mark.parametrize("data", [b"", b"\x00\x01", b"\x00\x01\x00\x00" + bytes(50)])
 def test_what_nobody_can_read_is_none_and_counted(data):
     fast = FastLane()
     assert fast.inertial(data) is None
-    assert fast.magnetic(data) is None or len(data) == 104
-    assert fast.malformed >= 1
+    assert fast.magnetic(data) is None
+    assert (fast.malformed, fast.slow) == (2, 0)

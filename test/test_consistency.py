@@ -67,7 +67,7 @@ def blind(recording: Recording) -> Recording:
 
 def swept(recording: Recording):
     settings = [Settings(alpha=alpha) for alpha in sweep(SWEEP)]
-    return list(scores(prepare(recording), "stateful", settings))
+    return list(scores(prepare(recording), "paper", settings))
 
 
 SHAKEN = moving(shake=3.0, bias=0.0)

@@ -180,7 +180,7 @@ def test_compiling_is_not_counted_as_time_of_the_filter(monkeypatch):
     class Slow:
         """Takes 100 s to compile and 1 s to run."""
 
-        compiled = False
+        compiled = uses_alpha = False
 
         def run(self, samples):
             nonlocal now
@@ -196,6 +196,8 @@ def test_compiling_is_not_counted_as_time_of_the_filter(monkeypatch):
 
 def test_sign_flips_are_those_of_the_filters_rotors(monkeypatch):
     class Flipping:
+        uses_alpha = True
+
         def run(self, samples):
             rotors = np.tile(IDENTITY, (len(samples), 1))
             rotors[10:20] *= -1.0
@@ -284,17 +286,11 @@ def test_the_best_alpha_of_several_recordings_has_the_least_mean_where_the_truth
 
 
 def test_a_filter_in_which_alpha_plays_no_role_has_one_row(monkeypatch):
-    class Deaf:
-        def __init__(self, settings):
-            self.runs = 0
-
-        def run(self, samples):
-            return np.tile(IDENTITY, (len(samples), 1))
-
-    monkeypatch.setitem(filters.FILTERS, "deaf", Deaf)
     settings = [Settings(alpha=alpha) for alpha in sweep("0.9:0.99:9")]
-    (found,) = scores(prepare(turning(50)), "deaf", settings)
-    assert (found.alpha, found.time_constant) == (None, None)
+    for chosen in (settings, settings[:1]):
+        for name in ("ekf", "gyro"):
+            (found,) = scores(prepare(turning(50)), name, chosen)
+            assert (found.alpha, found.time_constant) == (None, None)
     assert len(list(scores(prepare(turning(50)), "paper", settings))) == 9
 
 
@@ -302,6 +298,8 @@ def test_a_sweep_of_one_recording_takes_each_alpha_once(monkeypatch):
     runs = []
 
     class Counted:
+        uses_alpha = True
+
         def __init__(self, settings):
             self.alpha = settings.alpha
 

@@ -25,6 +25,7 @@ def test_a_smooth_motion_has_no_flip_and_its_true_step_and_rate():
     assert tally.sign_flips == 0
     assert math.degrees(tally.largest_step) == pytest.approx(1.0)
     assert tally.rate == pytest.approx(200.0)
+    assert tally.turned == pytest.approx(4.0 * math.pi)
 
 
 def test_a_change_of_sign_is_a_flip_but_no_step():

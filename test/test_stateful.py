@@ -17,6 +17,7 @@ from stateful_ahrs import filters, rotor
 from stateful_ahrs.errors import UsageError
 from stateful_ahrs.filters import Settings
 from stateful_ahrs.filters.samples import Samples
+from stateful_ahrs.filters.settings import Known
 from stateful_ahrs.filters.stateful import StatefulFilter
 from stateful_ahrs.mpu9250.motion import MOTIONS
 from stateful_ahrs.recordings import samples as samples_of
@@ -521,3 +522,69 @@ def test_a_rotor_of_its_own_sign_teaches_nothing():
     f.run(samples)
     assert f.known is None
     assert f.bias == (0.0, 0.0, 0.0)
+
+
+def test_the_papers_filter_takes_nothing_from_an_earlier_run():
+    samples = samples_of(simulated("tumble", 8.0))
+    known = Settings(known=Known(bias=(0.02, 0.0, 0.0), mag_delay=0.01))
+    for name in ("paper", "paper_stateless", "paper_printed", "paper_fqa", "lerp"):
+        assert np.array_equal(
+            filters.make(name, known).run(samples), filters.make(name).run(samples)
+        )
+
+
+def test_what_is_known_corrects_though_nothing_is_learned():
+    samples = samples_of(simulated("tumble", 8.0))
+    bias = np.array([0.05, -0.02, 0.03])
+    off = Settings(**filters.UNLEARNED)
+    expected = filters.make("stateful", off).run(samples)
+    biased = replace(samples, gyro=samples.gyro + bias)
+    for stateful in (True, False):
+        f = filters.make("stateful", replace(off, known=Known(bias=tuple(bias)), stateful=stateful))
+        found = f.run(biased)
+        assert f.bias == tuple(bias)
+        if stateful:
+            assert found == pytest.approx(expected, abs=1e-9)
+
+
+def test_alpha_is_live_in_every_filter_that_has_it():
+    for name in ("stateful", "paper", "paper_printed", "paper_fqa", "lerp", "aqua"):
+        f = filters.make(name, Settings(**filters.UNLEARNED, alpha=1.0))
+        level, up, on_side = (2e-5, 0.0, -4e-5), (0.0, 0.0, 9.81), (0.0, 5.0, 8.44)
+        f.update_mag(level)
+        f.update_imu((0.0, 0.0, 0.0), up, 0.0)
+        for alpha, moved in ((1.0, False), (0.5, True)):
+            f.settings = replace(f.settings, alpha=alpha)
+            before = f.rotor
+            for _ in range(500):
+                f.update_mag(level)
+                f.update_imu((0.0, 0.0, 0.0), on_side, 0.01)
+            assert (difference(f.rotor, before) > 0.3) is moved, name
+
+
+@pytest.mark.parametrize("name", ["stateful", "paper", "ekf", "aqua"])
+def test_a_restart_waits_for_a_usable_force(name):
+    f = filters.make(name)
+    f.update_mag((2e-5, 0.0, -4e-5))
+    f.update_imu((0.0, 0.0, 0.0), (0.0, 0.0, 9.81), 0.0)
+    f.update_imu((0.0, 0.0, 0.0), (math.nan, 0.0, 0.0), 0.0)  # after a gap; it lies on its side
+    assert not f.started
+    f.update_mag((2e-5, -4e-5, 0.0))
+    found = f.update_imu((0.0, 0.0, 0.0), (0.0, 9.81, 0.0), 0.01)
+    assert f.started
+    assert difference(found, from_axis_angle((1.0, 0.0, 0.0), math.pi / 2)) < 1e-6
+
+
+@pytest.mark.parametrize("rate", [1.0, 10.0])
+def test_slow_samples_are_no_spikes_and_need_no_normalising(rate):
+    times = np.arange(60.0 * rate) / rate
+    shake = 0.6 * np.sin(2 * math.pi * 0.2 * rate * times)
+    samples = Samples(
+        (1e9 + times * 1e9).astype(np.int64),
+        np.stack([shake, 0.5 * shake, 0.3 + 0.0 * shake], axis=1),
+        np.tile([0.0, 0.0, 9.81], (len(times), 1)),
+        np.tile([2e-5, 0.0, -4e-5], (len(times), 1)),
+    )
+    for normalise in (True, False):
+        found = filters.make("stateful", Settings(normalise=normalise)).run(samples)
+        assert np.linalg.norm(found, axis=1) == pytest.approx(1.0, abs=1e-9)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..rotor import Rotor, difference, dot
+from ..rotor import IDENTITY, Rotor, Turn, conjugate, difference, dot, product
 
 WAITING = 5000  # stamps without a partner that are remembered
 
@@ -19,6 +19,8 @@ class Tally:
         self.largest_step = 0.0  # rad, from one orientation to the next
         self.error: float | None = None  # rad, at the last stamp that both had
         self._first = self._last = 0
+        self._start = IDENTITY
+        self._turn = Turn()
         self._rotor: Rotor | None = None
         self._orientations: dict[int, Rotor] = {}
         self._truths: dict[int, Rotor] = {}
@@ -26,10 +28,11 @@ class Tally:
     def add(self, stamp: int, rotor: Rotor) -> None:
         """Take an orientation."""
         if self._rotor is None:
-            self._first = stamp
+            self._first, self._start = stamp, rotor
         else:
             self.sign_flips += dot(rotor, self._rotor) < 0.0
             self.largest_step = max(self.largest_step, difference(rotor, self._rotor))
+        self._turn.update(product(conjugate(self._start), rotor))
         self.samples += 1
         self._rotor, self._last = rotor, stamp
         self._compare(stamp, rotor, self._orientations, self._truths)
@@ -38,6 +41,11 @@ class Tally:
         """Take the truth; that of a time before the first orientation has nothing to tell."""
         if self._rotor is not None and stamp >= self._first:
             self._compare(stamp, rotor, self._truths, self._orientations)
+
+    @property
+    def turned(self) -> float:
+        """The angle (rad) from the first orientation to the last, over any number of turns."""
+        return self._turn.angle
 
     @property
     def rate(self) -> float:

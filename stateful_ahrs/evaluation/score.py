@@ -95,7 +95,7 @@ def estimate(trial: Trial, filter_: filters.Filter) -> Array:
 
 def score(trial: Trial, name: str, settings: Settings) -> Result:
     """Run the filter of that name and compare; the cost is that of the filter alone, warm."""
-    return _scored(trial, name, settings, REPEATS)[0]
+    return _scored(trial, name, settings, REPEATS)
 
 
 def scores(trial: Trial, name: str, settings: Sequence[Settings]) -> Iterator[Result]:
@@ -106,16 +106,11 @@ def scores(trial: Trial, name: str, settings: Sequence[Settings]) -> Iterator[Re
     if len(settings) == 1:
         yield score(trial, name, settings[0])
         return
+    if not filters.make(name, settings[0]).uses_alpha:
+        settings = settings[:1]
     ahead = None if trial.truth else snapshots_ahead(trial.samples)
-    first, rotors = _scored(trial, name, settings[0], 1, ahead)
-    last, others = _scored(trial, name, settings[-1], 1, ahead)
-    if np.array_equal(rotors, others):
-        yield replace(first, alpha=None, time_constant=None)
-        return
-    yield first
-    for each in settings[1:-1]:
-        yield _scored(trial, name, each, 1, ahead)[0]
-    yield last
+    for each in settings:
+        yield _scored(trial, name, each, 1, ahead)
 
 
 def score_estimate(trial: Trial, topic: str) -> Result:
@@ -152,8 +147,7 @@ def short_alpha(alpha: float) -> str:
 
 def _scored(
     trial: Trial, name: str, settings: Settings, repeats: int, ahead: Truth | None = None
-) -> tuple[Result, Array]:
-    """The result and the filter's rotors (n, 4)."""
+) -> Result:
     filter_ = filters.make(name, settings)
     filter_.run(_first(trial.samples))  # compiles it
     best, spent = math.inf, 0.0
@@ -165,18 +159,17 @@ def _scored(
         if spent > LONG_ENOUGH:
             break
     rotors = WorldFrame("enu").all(rotors)
-    result = Result(
+    return Result(
         recording=trial.name,
         filter=name,
-        alpha=settings.alpha,
-        time_constant=time_constant(settings, trial.samples),
+        alpha=settings.alpha if filter_.uses_alpha else None,
+        time_constant=time_constant(settings, trial.samples) if filter_.uses_alpha else None,
         samples=len(trial.samples),
         rmse=rmse_deg(rotors, trial.truth) if trial.truth else None,
         sign_flips=sign_flips(rotors),
         ns_per_sample=1e9 * best / len(trial.samples),
         innovation=_innovation(rotors, ahead, trial.has_mag),
     )
-    return result, rotors
 
 
 def _innovation(rotors: Array, ahead: Truth | None, has_mag: bool) -> float | None:

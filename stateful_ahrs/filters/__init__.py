@@ -19,7 +19,7 @@ from .gdalkf import gdalkf
 from .kalman import Noise, ekf, kalman
 from .kernel import KernelFilter, Report
 from .samples import Array, Samples
-from .settings import DEFAULTS, Known, Settings
+from .settings import DEFAULTS, NOTHING, Known, Settings
 from .stateful import DISTURBED as DISTURBED
 from .stateful import PRINTED, StatefulFilter, over
 from .unscented import kukf, ukf
@@ -48,6 +48,10 @@ class Filter(Protocol):
 
     def run(self, samples: Samples) -> Array:
         """Rotors (n, 4) for a whole recording, from a fresh start."""
+
+    @property
+    def uses_alpha(self) -> bool:
+        """Whether α plays a role in it."""
 
     @property
     def started(self) -> bool:
@@ -84,7 +88,7 @@ UNLEARNED: dict[str, Any] = {
     "learn_mag": False,
     "weigh_mag": False,
 }
-AS_PUBLISHED: dict[str, Any] = {**UNLEARNED, "normalise": False}
+AS_PUBLISHED: dict[str, Any] = {**UNLEARNED, "normalise": False, "known": NOTHING}
 OTHERS = {"saam": saam, "fqa": fqa, "markley": markley, "aqua": aqua_snapshot}
 
 # How each filter is made of the user's settings.
@@ -104,7 +108,7 @@ FILTERS: dict[str, Callable[[Settings], Filter]] = {
         for name, snapshot in OTHERS.items()
     },
     "gyro": partial(StatefulFilter, **UNLEARNED, alpha=1.0),
-    "lerp": partial(KernelFilter, lerp.LERP, **UNLEARNED),
+    "lerp": partial(KernelFilter, lerp.LERP, **UNLEARNED, known=NOTHING),
     "lerp_as_printed": partial(KernelFilter, lerp.AS_PRINTED),
     "aqua": partial(KernelFilter, aqua.AQUA),
     "aqua_as_printed": partial(KernelFilter, aqua.AS_PRINTED),

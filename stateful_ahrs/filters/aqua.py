@@ -57,7 +57,9 @@ class State(NamedTuple):
 def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, dt: float) -> State:
     """Take one sample of all sensors, ``dt`` s after the last; 0 starts anew."""
     felt = feel(state.senses, gyro, dt)
-    bias = learned(state.bias, state.senses.rate, felt[1], accel, dt)
+    bias = state.bias
+    if felt[2] == state.senses.gyro_rejected:  # a rate that is held is no rest
+        bias = learned(bias, state.senses.rate, felt[1], accel, dt)
     predicted = product(state.rotor, from_rate(minus(felt[1], bias), dt))
     senses, found, from_mag, begins, snapshot = look(
         state.senses, gains.sources, felt, accel, mag, predicted, dt

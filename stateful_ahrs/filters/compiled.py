@@ -35,13 +35,16 @@ def _numba() -> ModuleType | None:
     rooms = (package / "snapshot", package / "filters")
     sources = [package / "rotor.py", *sorted(path for room in rooms for path in room.glob("*.py"))]
     key = hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()[:16]
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
     home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
-    folder = os.path.join(home, PACKAGE, key)
+    folder = os.path.join(chosen or os.path.join(home, PACKAGE), key)
+    if chosen and os.path.basename(chosen) == key:  # by the process that started this one
+        folder = chosen
     try:
         os.makedirs(folder, exist_ok=True)
     except OSError:
         folder = tempfile.mkdtemp(prefix=PACKAGE)
-    os.environ.setdefault("NUMBA_CACHE_DIR", folder)
+    os.environ["NUMBA_CACHE_DIR"] = folder
     import numba
 
     return numba

@@ -73,7 +73,11 @@ class KernelFilter:
         self._changed()
 
     def _changed(self) -> None:
-        """Take note of new settings."""
+        """Take α anew where a state keeps what it makes of a step."""
+        if hasattr(self._kernel.start, "pace"):
+            pace = self._kernel.start.pace
+            self._state = self._state._replace(pace=pace)
+            self._before = self._before._replace(pace=pace)
 
     def reset(self) -> None:
         """Forget everything but the counts; the next sample starts anew."""
@@ -128,6 +132,15 @@ class KernelFilter:
         return unit(self._state.rotor)
 
     @property
+    def uses_alpha(self) -> bool:
+        """Whether α plays a role in it."""
+        one, other = (
+            self._kernel.gains(replace(self._settings, **{"alpha": alpha, **self._fixed}))
+            for alpha in (0.25, 0.75)
+        )
+        return bool(one != other)
+
+    @property
     def started(self) -> bool:
         """Whether the attitude is known."""
         return bool(self._state.senses.started)
@@ -140,7 +153,8 @@ class KernelFilter:
     @property
     def bias(self) -> Vector:
         """The gyroscope's bias that the filter takes from its rates (rad/s)."""
-        return (0.0, 0.0, 0.0)
+        bias: Vector = getattr(self._state, "bias", (0.0, 0.0, 0.0))
+        return bias
 
     @property
     def known(self) -> Known | None:

@@ -450,8 +450,8 @@ def matrix(
     )
 
 
-def propagate(memory: Memory, time: float) -> None:
-    """Let the covariance of δ grow by what b and E did in ``time`` s."""
+def propagate(memory: Memory, time: float, walks: bool) -> None:
+    """Let the covariance of δ grow by what b and E did in ``time`` s, and by what b may do."""
     covariance, effect, shift = memory.covariance, memory.effect, memory.shift
     for i in range(3):
         to = LEARNED * i
@@ -475,7 +475,8 @@ def propagate(memory: Memory, time: float) -> None:
             total = covariance[STATES * i + k + 3] + shift[LEARNED * i + k]
             covariance[STATES * i + k + 3] = covariance[STATES * (k + 3) + i] = total
         covariance[16 * i] += ATTITUDE_WALK * time
-        covariance[16 * (i + 3)] += BIAS_WALK * time
+        if walks:
+            covariance[16 * (i + 3)] += BIAS_WALK * time
 
 
 def learn(
@@ -491,7 +492,7 @@ def learn(
         memory.state, memory.effect, memory.lag, memory.row, memory.free,
     )  # fmt: skip
 
-    propagate(memory, time)
+    propagate(memory, time, chosen.bias)
     for i in range(STATES):
         state[i] = row[i] = 0.0
         free[i] = 1.0
@@ -728,8 +729,10 @@ def hear(
     looks += trust * turned
     state, covariance, row, effect = memory.state, memory.covariance, memory.row, memory.effect
     covariance[32] = max(covariance[32], (UNTRIED_HEADING / (1.0 + looks)) ** 2)
-    share = min(1.0, motion / SURPRISE_TIME)
-    surprise = field.surprise + share * (innovation + state[2] - field.surprise)
+    surprise = 0.0
+    if swaps == room.swaps:
+        share = min(1.0, motion / SURPRISE_TIME)
+        surprise = field.surprise + share * (innovation + state[2] - field.surprise)
     heading_rate, own = 0.0, 0.0
     if level > LEVEL * norm:
         steep = fz / level

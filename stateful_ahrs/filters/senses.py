@@ -225,7 +225,7 @@ def look(
         rate,
         field,
         mag_age,
-        started or found,
+        found or (started and dt > 0.0),
         heading_known or from_mag,
         turned,
         sign_corrections,

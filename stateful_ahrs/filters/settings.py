@@ -82,9 +82,13 @@ class Settings:
 
     @property
     def learns(self) -> bool:
-        """Whether anything is learned of the sensors, or known of them."""
-        learns = self.learn_bias or self.learn_misalignment or self.learn_mag or self.weigh_mag
-        return learns or self.known != NOTHING
+        """Whether anything is learned of the sensors."""
+        return self.learn_bias or self.learn_misalignment or self.learn_mag or self.weigh_mag
+
+    @property
+    def corrects(self) -> bool:
+        """Whether samples are corrected by what is learned, or known from an earlier run."""
+        return self.learns or self.known != NOTHING
 
 
 DEFAULTS = Settings()

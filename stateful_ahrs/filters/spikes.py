@@ -18,6 +18,7 @@ JUMP_OF_RATE = 4.0  # rad/s
 JUMP_OF_FORCE = 30.0  # m/s²
 ALIKE = 1.0 / 16.0  # of the square of the jump: how near the two neighbours are
 STAYS = 0.25  # s
+SHORT = 0.03  # s: in longer steps a motion may well turn and turn back
 
 
 class Seen(NamedTuple):

@@ -81,6 +81,7 @@ from .settings import Settings as Settings
 from .spikes import (
     JUMP_OF_FORCE,
     JUMP_OF_RATE,
+    SHORT,
     ZERO,
     Seen,
     is_far,
@@ -109,6 +110,7 @@ class Gains(NamedTuple):
     normalise: bool
     average_start: bool
     despike: bool
+    corrects: bool
     learns: bool
     chosen: Chosen
 
@@ -167,6 +169,7 @@ def gains(settings: Settings) -> Gains:
         settings.normalise,
         settings.average_start,
         settings.despike,
+        settings.corrects,
         learns,
         taught,
     )
@@ -253,17 +256,17 @@ def weights(gains: Gains, learned: Learned, pace: Pace, elapsed: float) -> tuple
 def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, dt: float) -> State:
     """Take one sample of all sensors, ``dt`` s after the last; 0 starts anew (eq. 16)."""
     rotor, last, elapsed, _, pace, learned, room, past, seen = state
-    sources, alpha, _, _, stateful, normalise, _, despike, learns, _ = gains
+    sources, alpha, _, _, stateful, normalise, _, despike, corrects, learns, _ = gains
     rate, gyro_rejected = held(last, gyro)
     turn_rate = rate
-    if learns:
+    if corrects:
         turn_rate = true_rate(learned, rate)
         if mag[0] == mag[0]:
             mag = true_field(learned, mag, turn_rate)
     turn = from_rate(turn_rate, dt)
     force = accel
     if despike:
-        if dt > 0.0:
+        if 0.0 < dt < SHORT:
             if is_far(rate, last.rate, JUMP_OF_RATE):
                 turn = product(way_back(last.rate, seen, rate), turn)
             if mag[0] == mag[0] and is_glitch(mag, last.mag, last.mag_age):
@@ -351,7 +354,7 @@ def note(log: Floats, state: State, accel: Vector, mag: Vector, row_time: float)
     """Write the sample that made ``state`` into the log, as its last row."""
     senses = state.senses
     at = COLUMNS * (state.past.rows - 1)
-    log[at], log[at + 1], log[at + 2], log[at + 3] = state.predicted
+    log[at], log[at + 1], log[at + 2], log[at + 3] = unit(state.predicted)
     log[at + 4], log[at + 5], log[at + 6] = senses.rate
     force = accel if usable(accel) else senses.up
     log[at + 7], log[at + 8], log[at + 9] = force
@@ -476,10 +479,6 @@ class StatefulFilter(KernelFilter):
         room, learned = begin(self._memory, self.settings.known)
         self._state = self._before = self._state._replace(learned=learned, room=room)
 
-    def _changed(self) -> None:
-        self._state = self._state._replace(pace=NO_PACE)
-        self._before = self._before._replace(pace=NO_PACE)
-
     def _take(self, gyro: Vector, accel: Vector, mag: Vector, dt: float) -> None:
         before = self._before
         if before.past.due:
@@ -530,7 +529,7 @@ class StatefulFilter(KernelFilter):
     @property
     def bias(self) -> Vector:
         """See `KernelFilter`."""
-        return self._state.learned.bias if self._gains.learns else (0.0, 0.0, 0.0)
+        return self._state.learned.bias if self._gains.corrects else (0.0, 0.0, 0.0)
 
     @property
     def known(self) -> Known | None:

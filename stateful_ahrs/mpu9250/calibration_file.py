@@ -69,6 +69,14 @@ def load(path: Path | str) -> Calibration:
         raise CalibrationError(f"{path}: {error}") from None
 
 
+def exists(path: Path | str) -> bool:
+    """Whether there is something at the path; `CalibrationError` where one may not look."""
+    try:
+        return Path(path).exists()
+    except OSError as error:
+        raise CalibrationError(f"{path} cannot be read: {error.strerror or error}.") from None
+
+
 def save(calibration: Calibration, path: Path | str) -> None:
     """Write the file, whole or not at all; `CalibrationError` where that is not possible."""
     path = Path(path)
@@ -245,7 +253,7 @@ def merged(path: Path | str, sensor: str, **corrections: Correction) -> Calibrat
 
     What had been left over for a filter to learn is void where it was an offset of these.
     """
-    before = load(path) if Path(path).exists() else Calibration()
+    before = load(path) if exists(path) else Calibration()
     learned = before.learned
     if "gyro" in corrections:
         learned = replace(learned, bias=NOTHING.bias)
@@ -257,5 +265,5 @@ def merged(path: Path | str, sensor: str, **corrections: Correction) -> Calibrat
 
 def save_learned(path: Path | str, learned: Known) -> None:
     """Put what a filter learned into the file, beside what else is in it."""
-    before = load(path) if Path(path).exists() else Calibration()
+    before = load(path) if exists(path) else Calibration()
     save(replace(before, learned=learned, learned_date=now()), path)

@@ -211,11 +211,17 @@ class ChipSource:
             return
         self._mag_patience = min(2 * self._mag_patience, MAG_PATIENCE)
         self.faults.mag_restarts += 1
+        last, index = self._alive, self._index
         try:
             chip.configure()
         except MagnetometerError:
             chip.configure(magnetometer=False)
         self._begin()
+        if self.settings.fifo:
+            self._gap = round((self._alive - last) / self._period)
+            self._index = index + self._gap
+        else:
+            self._taken = last
 
     def _recover(self, error: BusError) -> None:
         """Leave the bus a moment; raise the error if it is not the first in a row."""

@@ -230,7 +230,7 @@ class Demo:
         print(f"orientations  {tally.samples} at {tally.rate:.1f} Hz; {lost}")
         print(f"sign flips    {tally.sign_flips}")
         print(f"largest step  {math.degrees(tally.largest_step):.2f}° from one to the next")
-        print(f"turned        {turns(listener.angle)}")
+        print(f"turned        {turns(tally.turned)} from the first orientation to the last")
         print(f"alpha         {listener.answer or 'not set'}")
         if simulated or tally.error is not None:
             print(f"final error   {error:.2f}° against {truth}")

@@ -6,7 +6,6 @@ import math
 import sys
 import time
 from dataclasses import asdict, fields, replace
-from pathlib import Path
 from typing import Any
 
 from geometry_msgs.msg import TransformStamped, Vector3Stamped
@@ -119,11 +118,12 @@ class Fusion(Node):
         self._known = self._load(values["calibration_file"])
         self._filter = filters.make(values["filter"], self._settings(values))
         self._apply(values)
+        self._uses_alpha = self._filter.uses_alpha
         self._gate = StampGate()
         self._pairing = Pairing()
         self._rest = RestWindow()
         self._turn = rotor.Turn()
-        self._bias = ZERO
+        self._bias = self._calibrated = ZERO
         self._orientation: Rotor = rotor.IDENTITY
         self._once = Once(self)
         self._imu_count = self._mag_count = 0
@@ -195,7 +195,7 @@ class Fusion(Node):
         """What an earlier run learned; nothing as long as there is no file."""
         if not path:
             return NOTHING
-        if not Path(path).exists():
+        if not calibration_file.exists(path):
             self.get_logger().info(f"{path} does not exist yet: ~/save_calibration writes it.")
             return NOTHING
         return calibration_file.load(path).learned
@@ -320,6 +320,7 @@ class Fusion(Node):
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._filter.reset()
+        self._bias = self._calibrated
         self._turn = rotor.Turn()
         response.success = True
         response.message = "The filter starts anew with the next sample."
@@ -333,6 +334,7 @@ class Fusion(Node):
         except MovedError as error:
             response.success, response.message = False, str(error)
             return response
+        self._calibrated = bias
         self._bias = rotor.minus(bias, self._filter.bias)  # the filter takes what it learned
         response.success = True
         response.message = "bias " + " ".join(f"{value:+.6f}" for value in bias) + " rad/s"
@@ -366,8 +368,8 @@ class Fusion(Node):
         imu_age, mag_age = now - self._imu_arrival, now - self._mag_arrival
         values: dict[str, object] = {
             "filter": self._chosen["filter"],
-            "alpha": settings.alpha,
-            "time_constant_s": settings.time_constant,
+            "alpha": settings.alpha if self._uses_alpha else "not used",
+            "time_constant_s": settings.time_constant if self._uses_alpha else "not used",
             "stateful": settings.stateful,
             "angle_rad": self._turn.angle,
             "axis": " ".join(f"{value:.4f}" for value in self._turn.axis),

@@ -62,7 +62,7 @@ def test_samples_are_published_once_whole_and_in_order_and_what_a_slow_bus_costs
         lost, torn = lost_and_torn(published, tmp_path / "log", RANGES)
         assert torn == 0
         # a machine that stops for longer than the chip can wait loses samples, and then counts them
-        assert lost <= int(values["missed"])
+        assert lost <= int(values["missed"]) < 0.5 * enough
         simulator.do("latency", latency)
         health.until(WARN, sentence)
         simulator.do("latency", 0)
