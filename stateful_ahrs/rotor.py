@@ -23,7 +23,9 @@ COARSE = math.cos(math.radians(6.0) / 2.0)
 
 def dot(p: Rotor, q: Rotor) -> float:
     """Inner product: how near two rotors are, with their signs (eq. 3)."""
-    return p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3]
+    pw, px, py, pz = p
+    qw, qx, qy, qz = q
+    return pw * qw + px * qx + py * qy + pz * qz
 
 
 def negative(q: Rotor) -> Rotor:
@@ -76,14 +78,23 @@ def carried(q: Rotor, v: Vector) -> Vector:
     )
 
 
-def plus(p: Rotor, q: Rotor) -> Rotor:
-    """Sum, element by element."""
-    return (p[0] + q[0], p[1] + q[1], p[2] + q[2], p[3] + q[3])
+def nudged(q: Rotor, p: Rotor, half: Vector) -> Rotor:
+    """``q`` and beside it what turns ``p`` by twice ``half`` (rad, small, earth frame)."""
+    w, x, y, z = p
+    a, b, c = half
+    return (
+        q[0] - a * x - b * y - c * z,
+        q[1] + a * w + b * z - c * y,
+        q[2] - a * z + b * w + c * x,
+        q[3] + a * y - b * x + c * w,
+    )
 
 
 def minus(u: Vector, v: Vector) -> Vector:
     """Difference of two vectors."""
-    return (u[0] - v[0], u[1] - v[1], u[2] - v[2])
+    ux, uy, uz = u
+    vx, vy, vz = v
+    return (ux - vx, uy - vy, uz - vz)
 
 
 def total(u: Vector, v: Vector) -> Vector:
@@ -93,18 +104,21 @@ def total(u: Vector, v: Vector) -> Vector:
 
 def unit(q: Rotor) -> Rotor:
     """The rotor of length one in the same direction; the length must not be zero."""
-    s = 1.0 / math.sqrt(dot(q, q))
-    return (q[0] * s, q[1] * s, q[2] * s, q[3] * s)
+    w, x, y, z = q
+    s = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
+    return (w * s, x * s, y * s, z * s)
 
 
 def blend(p: Rotor, q: Rotor, weight: float) -> Rotor:
     """``weight p + (1 − weight) q``, element by element (eq. 15); not normalised."""
     rest = 1.0 - weight
+    pw, px, py, pz = p
+    qw, qx, qy, qz = q
     return (
-        weight * p[0] + rest * q[0],
-        weight * p[1] + rest * q[1],
-        weight * p[2] + rest * q[2],
-        weight * p[3] + rest * q[3],
+        weight * pw + rest * qw,
+        weight * px + rest * qx,
+        weight * py + rest * qy,
+        weight * pz + rest * qz,
     )
 
 
@@ -123,7 +137,8 @@ def from_rate(rate: Vector, dt: float) -> Rotor:
     between samples, takes the exact eq. 11 instead.
     """
     h = 0.5 * dt
-    x, y, z = h * rate[0], h * rate[1], h * rate[2]
+    x, y, z = rate
+    x, y, z = h * x, h * y, h * z
     square = x * x + y * y + z * z
     if square > 0.01:
         half = math.sqrt(square)

@@ -570,8 +570,8 @@ def learn(
         learned.trust,
         learned.heading_rate,
         drift,
-        math.hypot(HEADING_SHARE * math.sqrt(heading), HEADING_FLOOR),
-        math.hypot(TILT_SHARE * math.sqrt(tilt), TILT_FLOOR),
+        math.sqrt(HEADING_SHARE**2 * heading + HEADING_FLOOR**2),
+        math.sqrt(TILT_SHARE**2 * tilt + TILT_FLOOR**2),
         resting,
     )
     return room, learned

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
 import numpy as np
@@ -28,14 +29,15 @@ class RestWindow:
 
     def add(self, rate: Vector, dt: float) -> None:
         """Take raw rates (rad/s), ``dt`` s after the last; 0 or a value not finite forgets all."""
-        if dt <= 0.0 or not abs(rate[0]) + abs(rate[1]) + abs(rate[2]) < np.inf:
-            self._rates.clear()
+        rates = self._rates
+        if dt <= 0.0 or not abs(rate[0]) + abs(rate[1]) + abs(rate[2]) < math.inf:
+            rates.clear()
             self._time = 0.0
             return
-        self._time += dt
-        self._rates.append((self._time, rate))
-        while self._rates[0][0] < self._time - WINDOW:
-            self._rates.popleft()
+        time = self._time = self._time + dt
+        rates.append((time, rate))
+        while rates[0][0] < time - WINDOW:
+            rates.popleft()
 
     def bias(self) -> Vector:
         """The mean rate (rad/s) if the sensor rested; `MovedError` if it did not."""

@@ -91,20 +91,23 @@ def feel(senses: Senses, gyro: Vector, dt: float) -> Felt:
 
 def usable(accel: Vector) -> bool:
     """Whether specific force (m/s²) can be gravity's."""
-    square = accel[0] * accel[0] + accel[1] * accel[1] + accel[2] * accel[2]
+    x, y, z = accel
+    square = x * x + y * y + z * z
     return WEAKEST * WEAKEST < square < STRONGEST * STRONGEST
 
 
 def low_passed(
-    senses: Senses, turn: Rotor, accel: Vector, good: bool, dt: float
+    up: Vector, time: float, turn: Rotor, accel: Vector, good: bool, dt: float
 ) -> tuple[Vector, float]:
     """The mean of specific force, at first of all samples, in axes that the gyroscope carries."""
-    x, y, z = carried(turn, senses.up)
-    time = senses.up_time
+    x, y, z = carried(turn, up)
     if good:
-        s = dt / min(time + dt, LOW_PASS + dt)
-        x, y, z = x + s * (accel[0] - x), y + s * (accel[1] - y), z + s * (accel[2] - z)
-        time = min(time + dt, LOW_PASS)
+        time += dt
+        s = dt / time
+        ax, ay, az = accel
+        x, y, z = x + s * (ax - x), y + s * (ay - y), z + s * (az - z)
+        if time > LOW_PASS:
+            time = LOW_PASS
     return (x, y, z), time
 
 
@@ -128,9 +131,9 @@ def between(predicted: Rotor, up: Vector, field: Vector, share: float) -> Vector
         return (0.0, 0.0, 0.0)
     s = share * math.sqrt(square / across)
     w, x, y, z = predicted
-    ww, xx, yy, zz = w * w, x * x, y * y, z * z
-    nx, ny, nz = ww + xx - yy - zz, 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)
-    wx, wy, wz = 2.0 * (x * y + w * z), ww - xx + yy - zz, 2.0 * (y * z - w * x)
+    a, b, xy, wz = w * w - z * z, x * x - y * y, x * y, w * z
+    nx, ny, nz = a + b, 2.0 * (xy - wz), 2.0 * (x * z + w * y)
+    wx, wy, wz = 2.0 * (xy + wz), a - b, 2.0 * (y * z - w * x)
     north = 1.0 - share + s * (nx * fx + ny * fy + nz * fz)
     west = s * (wx * fx + wy * fy + wz * fz)
     return (north * nx + west * wx, north * ny + west * wy, north * nz + west * wz)
@@ -159,32 +162,33 @@ def look(
     - the snapshot, sensor → earth (NWU), in the sign of ``predicted`` (eq. 4).
     """
     turn, rate, gyro_rejected = felt
-    starts = dt <= 0.0 or not senses.started
-    heading_known = senses.heading_known and dt > 0.0
+    (
+        _, last_mag, mag_age, started, heading_known, turned, sign_corrections, _, accel_rejected,
+        mag_rejected, up_kept, up_time,
+    ) = senses  # fmt: skip
+    starts = dt <= 0.0 or not started
+    heading_known = heading_known and dt > 0.0
 
-    mag_age = senses.mag_age + dt if dt > 0.0 else math.inf  # it told another time's heading
+    mag_age = mag_age + dt if dt > 0.0 else math.inf  # it told another time's heading
     fresh = False
-    mag_rejected = senses.mag_rejected
     if mag[0] == mag[0] or mag[1] == mag[1] or mag[2] == mag[2]:
         square = mag[0] * mag[0] + mag[1] * mag[1] + mag[2] * mag[2]
         fresh = 1e-24 < square < 1e24
         if not fresh:
             mag_rejected += 1
-    field = mag if fresh else carried(turn, senses.mag)
+    field = mag if fresh else carried(turn, last_mag)
 
     has_up = usable(accel)
-    accel_rejected = senses.accel_rejected
     if not has_up:
         accel_rejected += 1
     up = accel
-    up_kept, up_time = senses.up, 0.0
     if sources.keeps_up and not starts:
-        up_kept, up_time = low_passed(senses, turn, accel, has_up, dt)
+        up_kept, up_time = low_passed(up_kept, up_time, turn, accel, has_up, dt)
         if sources.low_pass:
             up = up_kept
             has_up = usable(up)
-    elif has_up:
-        up_kept = accel
+    else:
+        up_kept, up_time = accel if has_up else up_kept, 0.0
 
     from_mag, rotor = False, IDENTITY
     if has_up and sources.use_mag and (fresh or mag_age <= sources.mag_timeout):
@@ -197,32 +201,31 @@ def look(
         if fresh and not from_mag:  # along gravity
             fresh = False
             mag_rejected += 1
-            field = carried(turn, senses.mag)
+            field = carried(turn, last_mag)
     begins = starts or (from_mag and not heading_known)
     if fresh:
         mag_age = 0.0
     found = from_mag
     if has_up and not found:
         north = sources.north_at_start
-        if senses.started:
+        if started:
             north = carried(unit(predicted), NORTH)
         found, rotor = dcm(up, north)
         if starts and not found:
             found, rotor = dcm(up, UP)
 
-    turned = senses.turned
-    sign_corrections = senses.sign_corrections
     if found:
+        was_turned = turned
         turned = dot(rotor, predicted) < 0.0
         if turned:
             rotor = negative(rotor)
-        if turned != senses.turned:
+        if turned != was_turned:
             sign_corrections += 1
     now = Senses(
         rate,
         field,
         mag_age,
-        found or (senses.started and dt > 0.0),
+        found or (started and dt > 0.0),
         heading_known or from_mag,
         turned,
         sign_corrections,

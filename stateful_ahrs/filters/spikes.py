@@ -32,7 +32,9 @@ class Seen(NamedTuple):
 
 def is_far(u: Vector, v: Vector, jump: float) -> bool:
     """Whether two vectors are further apart than that: one of them may be a glitch."""
-    x, y, z = u[0] - v[0], u[1] - v[1], u[2] - v[2]
+    ux, uy, uz = u
+    vx, vy, vz = v
+    x, y, z = ux - vx, uy - vy, uz - vz
     return x * x + y * y + z * z > jump * jump
 
 

@@ -41,8 +41,9 @@ from ..rotor import (
     blend,
     dot,
     from_rate,
+    minus,
     negative,
-    plus,
+    nudged,
     product,
     rotate,
     total,
@@ -194,12 +195,14 @@ def weight_of_gyro(alpha: float, alpha_rate: float, dt: float) -> float:
 
 def true_rate(learned: Learned, rate: Vector) -> Vector:
     """The rate (rad/s) less bias and misalignment."""
-    x, y, z = rate[0] - learned.bias[0], rate[1] - learned.bias[1], rate[2] - learned.bias[2]
-    rx, ry, rz = learned.row_x, learned.row_y, learned.row_z
+    x, y, z = minus(rate, learned.bias)
+    xx, xy, xz = learned.row_x
+    yx, yy, yz = learned.row_y
+    zx, zy, zz = learned.row_z
     return (
-        rx[0] * x + rx[1] * y + rx[2] * z,
-        ry[0] * x + ry[1] * y + ry[2] * z,
-        rz[0] * x + rz[1] * y + rz[2] * z,
+        xx * x + xy * y + xz * z,
+        yx * x + yy * y + yz * z,
+        zx * x + zy * y + zz * z,
     )
 
 
@@ -218,10 +221,8 @@ def true_field(learned: Learned, mag: Vector, rate: Vector) -> Vector:
     )
 
 
-def paced(pace: Pace, gains: Gains, dt: float) -> Pace:
+def paced(gains: Gains, dt: float) -> Pace:
     """What α makes of a step of ``dt`` s."""
-    if dt == pace.span:
-        return pace
     heading = 0.0
     if gains.alpha_heading >= 0.0:
         heading = weight_of_gyro(gains.alpha_heading, gains.alpha_rate, dt)
@@ -231,13 +232,15 @@ def paced(pace: Pace, gains: Gains, dt: float) -> Pace:
 
 def weights(gains: Gains, learned: Learned, pace: Pace, elapsed: float) -> tuple[float, float]:
     """The weight of the gyroscope path, and how far north is the measured one (see `look`)."""
-    dt, weight = pace.span, pace.weight
+    dt, weight, heading, reach = pace
     rest = 1.0 - weight
     share = 1.0
     if gains.alpha_heading >= 0.0:
-        share = learned.trust * (1.0 - pace.heading) / rest if rest > 0.0 else 0.0
+        share = learned.trust * (1.0 - heading) / rest if rest > 0.0 else 0.0
     elif gains.chosen.weigh:
-        share = min(1.0, learned.heading_rate * pace.reach)
+        share = learned.heading_rate * reach
+        if share > 1.0:
+            share = 1.0
     if gains.average_start and dt > 0.0:
         if not gains.sources.low_pass:
             if elapsed < START:
@@ -252,59 +255,59 @@ def weights(gains: Gains, learned: Learned, pace: Pace, elapsed: float) -> tuple
 
 def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, dt: float) -> State:
     """Take one sample of all sensors, ``dt`` s after the last; 0 starts anew (eq. 16)."""
-    learned, seen, last = state.learned, state.seen, state.senses
+    rotor, last, elapsed, _, pace, learned, room, past, seen = state
+    sources, alpha, _, _, stateful, normalise, _, despike, corrects, learns, _ = gains
     rate, gyro_rejected = held(last, gyro)
     turn_rate = rate
-    if gains.corrects:
+    if corrects:
         turn_rate = true_rate(learned, rate)
         if mag[0] == mag[0]:
             mag = true_field(learned, mag, turn_rate)
     turn = from_rate(turn_rate, dt)
     force = accel
-    if gains.despike:
+    if despike:
         if 0.0 < dt < SHORT:
             if is_far(rate, last.rate, JUMP_OF_RATE):
                 turn = product(way_back(last.rate, seen, rate), turn)
             if mag[0] == mag[0] and is_glitch(mag, last.mag, last.mag_age):
                 mag = ZERO  # none, and counted
-            if gains.sources.low_pass and is_far(accel, seen.force, JUMP_OF_FORCE):
+            if sources.low_pass and is_far(accel, seen.force, JUMP_OF_FORCE):
                 accel = total(accel, knocked_off(seen, turn, accel))
         seen = Seen(last.rate, dt, force, seen.force)
-    rotor = predicted = predict(state.rotor, turn)
-    pace = paced(state.pace, gains, dt)
-    weight, share = weights(gains, learned, pace, state.elapsed)
+    rotor = predicted = predict(rotor, turn)
+    if dt != pace.span:
+        pace = paced(gains, dt)
+    weight, share = weights(gains, learned, pace, elapsed)
     senses, found, _, begins, snapshot = look(
-        last, gains.sources, (turn, rate, gyro_rejected), accel, mag, predicted, dt, share
+        last, sources, (turn, rate, gyro_rejected), accel, mag, predicted, dt, share
     )
-    elapsed = state.elapsed + dt
+    elapsed += dt
     starts = dt <= 0.0 or not last.started
     if begins:
         rotor = snapshot
         if starts:
             elapsed = 0.0
     elif found:
-        if senses.turned and not gains.stateful:
+        if senses.turned and not stateful:
             snapshot = negative(snapshot)
         rotor = blend(predicted, snapshot, weight)  # eq. 16
-    if gains.learns and state.past.time < WINDOW and gains.alpha < 1.0 and not begins:
-        x, y, z = learned.drift
+    if learns and past.time < WINDOW and alpha < 1.0 and not begins:
+        x, y, z = learned.drift  # what the slow room found out of the past
         half = 0.5 * dt
-        # What the slow room found out of the past.
-        rotor = plus(rotor, product((0.0, half * x, half * y, half * z), predicted))
+        rotor = nudged(rotor, predicted, (half * x, half * y, half * z))
     square = dot(rotor, rotor)
     if not square > 1e-12:  # only a stateless blend of opposite signs can vanish
         rotor = predicted
-    elif gains.normalise and gains.stateful:
+    elif normalise and stateful:
         if abs(square - 1.0) < NEAR_UNIT:  # a root would take longer
             scale = 1.5 - 0.5 * square
             rotor = (scale * rotor[0], scale * rotor[1], scale * rotor[2], scale * rotor[3])
         else:
             rotor = unit(rotor)
-    past = state.past
-    if gains.learns:
-        fresh = gains.sources.use_mag and senses.mag_age == 0.0
+    if learns:
+        fresh = sources.use_mag and senses.mag_age == 0.0
         past = passed(past, fresh, rotor, predicted, elapsed, dt, begins, starts)
-    return State(rotor, senses, elapsed, predicted, pace, learned, state.room, past, seen)
+    return State(rotor, senses, elapsed, predicted, pace, learned, room, past, seen)
 
 
 def passed(
@@ -322,25 +325,22 @@ def passed(
         return Past(0.0, past.applied, 0, 0.0, 1.0, dt, True)
     if starts:
         return NO_PAST
-    rows = past.rows
-    row_time, mag_row_time = past.row_time + dt, past.mag_row_time + dt
+    time, (ax, ay, az), rows, row_time, mag_row_time, _, _ = past
+    time, row_time, mag_row_time = time + dt, row_time + dt, mag_row_time + dt
     if row_time >= ROW_TIME or (fresh and mag_row_time >= ROW_TIME):
         rows += 1
         row_time = 0.0
         if fresh:
             mag_row_time = 0.0
-    time = past.time + dt
     w, x, y, z = predicted
     p, q, r, s = rotor
-    sign = 2.0 if w * p + x * q + y * r + z * s >= 0.0 else -2.0
-    ax, ay, az = past.applied
     window = WINDOW if elapsed > WINDOW else 0.25 * WINDOW
     return Past(
         time,
         (
-            ax + sign * (w * q - p * x + s * y - r * z),
-            ay + sign * (w * r - p * y + q * z - s * x),
-            az + sign * (w * s - p * z + r * x - q * y),
+            ax + 2.0 * (w * q - p * x + s * y - r * z),
+            ay + 2.0 * (w * r - p * y + q * z - s * x),
+            az + 2.0 * (w * s - p * z + r * x - q * y),
         ),
         rows,
         row_time,
@@ -368,7 +368,7 @@ def look_back(state: State, memory: Memory, gains: Gains) -> State:
     """The slow room's turn: after a window, a new start, or the first heading."""
     room, learned, past = state.room, state.learned, state.past
     if past.rows > 0:
-        pace = paced(state.pace, gains, past.step)
+        pace = paced(gains, past.step)
         tilt_rate = (1.0 - pace.weight) / past.step
         heading_rate = -1.0
         if gains.alpha_heading >= 0.0:
