@@ -304,7 +304,7 @@ def main() -> None:
     if not trials:
         sys.exit(f"accuracy: {options.folder} has no .mat: expected the trials of BROAD.")
     if options.page:
-        for name in TABLES:  # before the hour, not after it
+        for name in TABLES:  # before half an hour, not after it
             put(PAGE.read_text(), name, "")
     only = {name for name in options.peers.split(",") if name} | {BESIDE[0]}
     if unknown := only - set(peers()):

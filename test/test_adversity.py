@@ -259,7 +259,7 @@ def test_its_heading_is_found_though_hard_iron_is_stronger_than_the_level_field(
     _, rotors, filter_ = phidgets
     w, x, y, z = rotors[-1]
     heading = math.degrees(math.atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z)))
-    # From field and hard iron fitted to the whole minute along the gyroscope's path, ±3°.
+    # From a field and a hard iron fitted to the minute along the gyroscope's path, ±4°.
     assert heading == pytest.approx(62.0, abs=15.0)
     _, stddev = filter_.stddev  # rad
     assert 2.0 < math.degrees(stddev) < 6.0
