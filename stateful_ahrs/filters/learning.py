@@ -50,6 +50,7 @@ ATTITUDE_WALK = (0.2 * DEGREE) ** 2  # rad²/s
 BIAS_WALK = (0.015 * DEGREE) ** 2  # (rad/s)²/s
 # Rest.
 REST_RATE = 2.0 * DEGREE  # rad/s: largest mean on an axis
+REST_SIGMA, REST_SLACK = 4.0, 0.1 * DEGREE  # how far the mean may be from a bias as well known
 REST_RATE_NOISE = 1.0 * DEGREE  # rad/s rms about the mean
 REST_ACCEL_NOISE = 0.25  # m/s² rms about the mean
 REST_WINDOWS = 4
@@ -479,6 +480,15 @@ def propagate(memory: Memory, time: float, walks: bool) -> None:
             covariance[16 * (i + 3)] += BIAS_WALK * time
 
 
+def is_bias(memory: Memory, rate: Vector, bias: Vector) -> bool:
+    """Whether a mean rate (rad/s) is as near to the known bias as that is sure: else it turns."""
+    for i in range(3):
+        sigma = math.sqrt(memory.covariance[16 * (i + 3)])
+        if not abs(rate[i] - bias[i]) < REST_SIGMA * sigma + REST_SLACK:
+            return False
+    return True
+
+
 def learn(
     memory: Memory, room: Room, learned: Learned, window: Window, chosen: Chosen
 ) -> tuple[Room, Learned]:
@@ -512,6 +522,7 @@ def learn(
         sums.rate_noise < REST_RATE_NOISE**2
         and sums.accel_noise < REST_ACCEL_NOISE**2
         and max(abs(rate[0]), abs(rate[1]), abs(rate[2])) < REST_RATE
+        and is_bias(memory, rate, learned.bias)
     ):
         rest_windows = room.rest_windows + 1
     resting = rest_windows >= REST_WINDOWS
