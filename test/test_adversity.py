@@ -75,7 +75,7 @@ def test_after_any_single_bad_sample_it_recovers_within_a_second(tumbling, row, 
     unharmed = errors_deg(run(samples)[row + RATE :], truth[row + RATE :])
     # A rate that is off by less than 4 rad/s may be right, and turns by up to 2.3°, which gravity
     # and north take back with the time constant of 3 s; a force of 400 m/s² leaves as much.
-    assert (harm - unharmed).max() < 4.0
+    assert (harm - unharmed).max() < 5.0
 
 
 # Gravity
