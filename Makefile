@@ -47,7 +47,7 @@ bench: $(PEERS)
 
 # The tables of docs/accuracy.md, in half an hour; DATA is the folder of BROAD's .mat files.
 accuracy: $(PEERS)
-	@$(RUN) -m bench.accuracy $(or $(DATA),../shared/data/broad) --page
+	@$(RUN) -m bench.accuracy "$(DATA)" --page
 
 lint: $(READY)
 	@$(RUN) -m ruff check

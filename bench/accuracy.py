@@ -302,7 +302,9 @@ def main() -> None:
     options = parser.parse_args()
     trials = sorted(path.stem for path in options.folder.glob("*.mat"))
     if not trials:
-        sys.exit(f"accuracy: {options.folder} has no .mat: expected the trials of BROAD.")
+        sys.exit(
+            f"accuracy: {options.folder} has no .mat: name the folder of BROAD's trials (DATA=)."
+        )
     if options.page:
         for name in TABLES:  # before half an hour, not after it
             put(PAGE.read_text(), name, "")

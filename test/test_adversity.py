@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from test_dcm import felt
 from test_learning import DEGREE, MICRO, WILD, errors_deg, inclination_deg, recording
@@ -61,8 +61,12 @@ triple = st.tuples(anything, anything, anything)
 @given(
     st.integers(0, 400),
     st.sampled_from(["gyro", "accel", "mag"]),
-    triple | st.tuples(*[st.floats(-30.0, 30.0)] * 3),
+    triple | st.tuples(*[st.floats(-30.0, 30.0)] * 3) | st.tuples(*[st.floats(-3e-4, 3e-4)] * 3),
 )
+@example(175, "mag", (187e-6, 128e-6, -111e-6))  # half a turn of heading, were it believed
+@example(198, "mag", (-1e-6, 16e-6, -58e-6))  # near enough to be: the worst found
+@example(200, "gyro", (20.0, -20.0, 10.0))
+@example(75, "accel", (-279.0, -198.0, -203.0))
 def test_after_any_single_bad_sample_it_recovers_within_a_second(tumbling, row, sensor, value):
     samples, truth = tumbling
     column = getattr(samples, sensor).copy()
@@ -74,8 +78,9 @@ def test_after_any_single_bad_sample_it_recovers_within_a_second(tumbling, row, 
     harm = errors_deg(found[row + RATE :], truth[row + RATE :])
     unharmed = errors_deg(run(samples)[row + RATE :], truth[row + RATE :])
     # A rate that is off by less than 4 rad/s may be right, and turns by up to 2.3°, which gravity
-    # and north take back with the time constant of 3 s; a force of 400 m/s² leaves as much.
-    assert (harm - unharmed).max() < 5.0
+    # and north take back with the time constant of 3 s; a force of 400 m/s² leaves as much, and a
+    # field that differs by less than itself up to 7°.
+    assert (harm - unharmed).max() < 10.0
 
 
 # Gravity

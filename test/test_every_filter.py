@@ -168,6 +168,7 @@ def test_a_magnetometer_sample_that_came_late_amends_the_step(name):
         if fresh:
             late.amend_mag(mag)
         assert late.rotor == in_time.rotor
+    assert late.report == in_time.report
 
 
 @pytest.mark.parametrize("name", filters.FILTERS)

@@ -377,25 +377,6 @@ def test_sample_by_sample_and_compiled_are_the_same_filter():
     assert filters.make("stateful").run(samples) == pytest.approx(one_by_one, abs=1e-12)
 
 
-def test_a_magnetometer_sample_that_came_late_amends_the_step():
-    samples, _ = recording(8.0, mag_every=4)
-    in_time, late = filters.make("stateful"), filters.make("stateful")
-    for i in range(len(samples)):
-        gyro, accel, mag = (
-            tuple(a[i].tolist()) for a in (samples.gyro, samples.accel, samples.mag)
-        )
-        dt = 0.0 if i == 0 else 0.01
-        fresh = not math.isnan(mag[0])
-        if fresh:
-            in_time.update_mag(mag)
-        in_time.update_imu(gyro, accel, dt)
-        late.update_imu(gyro, accel, dt)
-        if fresh:
-            late.amend_mag(mag)
-        assert late.rotor == in_time.rotor
-    assert late.report == in_time.report
-
-
 def test_an_amendment_after_a_reset_is_nothing(learning):
     learning.update_imu((0.0, 0.0, 0.0), (0.0, 0.0, 9.81), 0.0)
     learning.reset()

@@ -323,22 +323,6 @@ def test_use_mag_off_ignores_the_magnetometer():
     assert errors_deg(estimate, truth).max() < 2.0
 
 
-def test_a_magnetometer_sample_that_came_late_amends_the_step():
-    samples, _ = recording("tumble", 5.0, mag_every=4)
-    in_time, late = filters.make("stateful"), filters.make("stateful")
-    for i in range(len(samples)):
-        gyro, accel, mag = (tuple(a[i]) for a in (samples.gyro, samples.accel, samples.mag))
-        dt = 0.0 if i == 0 else 0.01
-        fresh = not math.isnan(mag[0])
-        if fresh:
-            in_time.update_mag(mag)
-        in_time.update_imu(gyro, accel, dt)
-        late.update_imu(gyro, accel, dt)
-        if fresh:
-            late.amend_mag(mag)
-        assert late.rotor == in_time.rotor
-
-
 # Bad samples
 
 

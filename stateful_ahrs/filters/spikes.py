@@ -8,10 +8,11 @@ filter is the paper's.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
-from ..rotor import Rotor, Vector, carried, conjugate, from_rate, minus, product
-from .senses import usable
+from ..rotor import Rotor, Vector, carried, conjugate, from_rate, minus, product, total
+from .senses import STRONGEST, usable
 
 ZERO: Vector = (0.0, 0.0, 0.0)
 JUMP_OF_RATE = 4.0  # rad/s
@@ -46,12 +47,19 @@ def way_back(last: Vector, seen: Seen, rate: Vector) -> Rotor:
     return product(conjugate(from_rate(last, seen.span)), meant)
 
 
-def knocked_off(seen: Seen, turn: Rotor, accel: Vector) -> Vector:
-    """What undoes in a low-pass, which is linear, what the last force did if it was none."""
+def put_right(seen: Seen, turn: Rotor, accel: Vector) -> Vector:
+    """The force that undoes in a low-pass, which is linear, what the last did if it was none."""
     if not usable(seen.force):
-        return ZERO
+        return accel
     knock = to_neighbours(seen.force, seen.force_before, accel, JUMP_OF_FORCE)
-    return carried(turn, knock)
+    if square(knock) == 0.0:
+        return accel
+    x, y, z = total(accel, carried(turn, knock))
+    length = math.sqrt(x * x + y * y + z * z)
+    if length >= STRONGEST:  # it would be taken for none itself
+        scale = 0.99 * STRONGEST / length
+        x, y, z = scale * x, scale * y, scale * z
+    return (x, y, z)
 
 
 def to_neighbours(last: Vector, before: Vector, after: Vector, jump: float) -> Vector:

@@ -46,7 +46,6 @@ from ..rotor import (
     nudged,
     product,
     rotate,
-    total,
     unit,
 )
 from .compiled import bind, compiled
@@ -86,7 +85,7 @@ from .spikes import (
     Seen,
     is_far,
     is_glitch,
-    knocked_off,
+    put_right,
     way_back,
 )
 from .stamps import steps
@@ -272,7 +271,7 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
             if mag[0] == mag[0] and is_glitch(mag, last.mag, last.mag_age):
                 mag = ZERO  # none, and counted
             if sources.low_pass and is_far(accel, seen.force, JUMP_OF_FORCE):
-                accel = total(accel, knocked_off(seen, turn, accel))
+                accel = put_right(seen, turn, accel)
         seen = Seen(last.rate, dt, force, seen.force)
     rotor = predicted = predict(rotor, turn)
     if dt != pace.span:
