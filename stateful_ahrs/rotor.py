@@ -78,18 +78,6 @@ def carried(q: Rotor, v: Vector) -> Vector:
     )
 
 
-def nudged(q: Rotor, p: Rotor, half: Vector) -> Rotor:
-    """``q`` and beside it what turns ``p`` by twice ``half`` (rad, small, earth frame)."""
-    w, x, y, z = p
-    a, b, c = half
-    return (
-        q[0] - a * x - b * y - c * z,
-        q[1] + a * w + b * z - c * y,
-        q[2] - a * z + b * w + c * x,
-        q[3] + a * y - b * x + c * w,
-    )
-
-
 def minus(u: Vector, v: Vector) -> Vector:
     """Difference of two vectors."""
     ux, uy, uz = u

@@ -5,9 +5,8 @@ accelerometer and magnetometer. Nothing that comes in, and nothing that fails to
 filter: a rate that is none is held, and where the magnetometer has nothing to say the snapshot
 takes the north that the filter predicts.
 
-Two things make a snapshot better than the samples of one instant, both off in the paper. Up may
-be low-passed, in axes that the gyroscope carries along: there gravity stands still and motion
-averages out. And north may lie anywhere between the predicted one and the measured one.
+Up may be low-passed, in axes that the gyroscope carries along: there gravity stands still and
+motion averages out. In the paper it is not.
 """
 
 from __future__ import annotations
@@ -114,29 +113,46 @@ def low_passed(
 snapshot = dcm  # `bind` puts another in its place
 
 
-def between(predicted: Rotor, up: Vector, field: Vector, share: float) -> Vector:
-    """North in the sensor frame: ``share`` of the measured one, the rest of the predicted one.
+class Noticed(NamedTuple):
+    """The samples of one instant, the bad ones replaced."""
 
-    It is level where the prediction is, so that it moves heading alone, and zero where the field
-    has no north. How long the level part of the field is ``up`` tells: it is known before the
-    prediction is, and a processor that need not wait for that root is faster by a tenth.
-    """
-    ux, uy, uz = up
-    fx, fy, fz = field
-    square = ux * ux + uy * uy + uz * uz
-    along = ux * fx + uy * fy + uz * fz
-    whole = square * (fx * fx + fy * fy + fz * fz)
-    across = whole - along * along
-    if not across > LEVEL * LEVEL * whole:
-        return (0.0, 0.0, 0.0)
-    s = share * math.sqrt(square / across)
-    w, x, y, z = predicted
-    a, b, xy, wz = w * w - z * z, x * x - y * y, x * y, w * z
-    nx, ny, nz = a + b, 2.0 * (xy - wz), 2.0 * (x * z + w * y)
-    wx, wy, wz = 2.0 * (xy + wz), a - b, 2.0 * (y * z - w * x)
-    north = 1.0 - share + s * (nx * fx + ny * fy + nz * fz)
-    west = s * (wx * fx + wy * fy + wz * fz)
-    return (north * nx + west * wx, north * ny + west * wy, north * nz + west * wz)
+    up: Vector  # specific force, or its low-passed mean
+    has_up: bool  # it can be gravity's
+    field: Vector  # magnetic, or the last one carried along
+    fresh: bool  # it is of this instant
+    mag_age: float  # s, of that before this one
+    accel_rejected: int
+    mag_rejected: int
+    up_kept: Vector
+    up_time: float
+
+
+def notice(
+    senses: Senses, sources: Sources, turn: Rotor, accel: Vector, mag: Vector, dt: float
+) -> Noticed:
+    """Take the good of specific force and magnetic field, ``dt`` s and a turn after the last."""
+    _, last_mag, mag_age, started, _, _, _, _, accel_rejected, mag_rejected, kept, time = senses
+    mag_age = mag_age + dt if dt > 0.0 else math.inf  # it told another time's heading
+    fresh = False
+    x, y, z = mag
+    if x == x or y == y or z == z:
+        fresh = 1e-24 < x * x + y * y + z * z < 1e24
+        if not fresh:
+            mag_rejected += 1
+    field = mag if fresh else carried(turn, last_mag)
+
+    has_up = usable(accel)
+    if not has_up:
+        accel_rejected += 1
+    up = accel
+    if sources.keeps_up and started and dt > 0.0:
+        kept, time = low_passed(kept, time, turn, accel, has_up, dt)
+        if sources.low_pass:
+            up = kept
+            has_up = usable(up)
+    else:
+        kept, time = accel if has_up else kept, 0.0
+    return Noticed(up, has_up, field, fresh, mag_age, accel_rejected, mag_rejected, kept, time)
 
 
 def look(
@@ -147,13 +163,11 @@ def look(
     mag: Vector,
     predicted: Rotor,
     dt: float,
-    share: float = 1.0,
 ) -> tuple[Senses, bool, bool, bool, Rotor]:
     """The attitude that specific force and magnetic field show; a ``dt`` of 0 starts anew.
 
     ``mag`` is NaN where no new sample came; the last one is carried along by the gyroscope until
-    it is stale. ``share`` is how far north is the measured one: 1 in the paper, where it is
-    north wholly; below or above, it is `between`. Returns
+    it is stale. Returns
 
     - what is remembered from now on;
     - whether there is a snapshot; if not, tilt and heading follow the gyroscope;
@@ -162,40 +176,17 @@ def look(
     - the snapshot, sensor → earth (NWU), in the sign of ``predicted`` (eq. 4).
     """
     turn, rate, gyro_rejected = felt
-    (
-        _, last_mag, mag_age, started, heading_known, turned, sign_corrections, _, accel_rejected,
-        mag_rejected, up_kept, up_time,
-    ) = senses  # fmt: skip
+    _, last_mag, _, started, heading_known, turned, sign_corrections, _, _, _, _, _ = senses
     starts = dt <= 0.0 or not started
     heading_known = heading_known and dt > 0.0
-
-    mag_age = mag_age + dt if dt > 0.0 else math.inf  # it told another time's heading
-    fresh = False
-    if mag[0] == mag[0] or mag[1] == mag[1] or mag[2] == mag[2]:
-        square = mag[0] * mag[0] + mag[1] * mag[1] + mag[2] * mag[2]
-        fresh = 1e-24 < square < 1e24
-        if not fresh:
-            mag_rejected += 1
-    field = mag if fresh else carried(turn, last_mag)
-
-    has_up = usable(accel)
-    if not has_up:
-        accel_rejected += 1
-    up = accel
-    if sources.keeps_up and not starts:
-        up_kept, up_time = low_passed(up_kept, up_time, turn, accel, has_up, dt)
-        if sources.low_pass:
-            up = up_kept
-            has_up = usable(up)
-    else:
-        up_kept, up_time = accel if has_up else up_kept, 0.0
+    up, has_up, field, fresh, mag_age, accel_rejected, mag_rejected, up_kept, up_time = notice(
+        senses, sources, turn, accel, mag, dt
+    )
 
     from_mag, rotor = False, IDENTITY
     if has_up and sources.use_mag and (fresh or mag_age <= sources.mag_timeout):
-        if starts or (heading_known and share == 1.0):
+        if starts or heading_known:
             from_mag, rotor = snapshot(up, field)
-        elif heading_known:
-            from_mag, rotor = snapshot(up, between(predicted, up, field, share))
         else:  # the first heading leaves the tilt alone
             from_mag, rotor = snapshot(carried(unit(predicted), UP), field)
         if fresh and not from_mag:  # along gravity

@@ -39,16 +39,17 @@ from ..rotor import (
     Rotor,
     Vector,
     blend,
+    conjugate,
     dot,
     from_rate,
     minus,
     negative,
-    nudged,
     product,
     rotate,
     unit,
 )
 from .compiled import bind, compiled
+from .correction import corrected
 from .kernel import NO_MAG as NO_MAG
 from .kernel import Kernel, KernelFilter, Report
 from .learning import (
@@ -111,6 +112,7 @@ class Gains(NamedTuple):
     despike: bool
     corrects: bool
     learns: bool
+    leans: bool  # the blend is a turn of the predicted rotor (`correction`)
     chosen: Chosen
 
 
@@ -170,6 +172,7 @@ def gains(settings: Settings) -> Gains:
         settings.despike,
         settings.corrects,
         learns,
+        settings.stateful and (settings.low_pass or learns or settings.alpha_heading >= 0.0),
         taught,
     )
 
@@ -255,7 +258,7 @@ def weights(gains: Gains, learned: Learned, pace: Pace, elapsed: float) -> tuple
 def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, dt: float) -> State:
     """Take one sample of all sensors, ``dt`` s after the last; 0 starts anew (eq. 16)."""
     rotor, last, elapsed, _, pace, learned, room, past, seen = state
-    sources, alpha, _, _, stateful, normalise, _, despike, corrects, learns, _ = gains
+    sources, alpha, _, _, stateful, normalise, _, despike, corrects, learns, leans, _ = gains
     rate, gyro_rejected = held(last, gyro)
     turn_rate = rate
     if corrects:
@@ -273,27 +276,39 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
             if sources.low_pass and is_far(accel, seen.force, JUMP_OF_FORCE):
                 accel = put_right(seen, turn, accel)
         seen = Seen(last.rate, dt, force, seen.force)
-    rotor = predicted = predict(rotor, turn)
+    predicted = predict(rotor, turn)
     if dt != pace.span:
         pace = paced(gains, dt)
     weight, share = weights(gains, learned, pace, elapsed)
-    senses, found, _, begins, snapshot = look(
-        last, sources, (turn, rate, gyro_rejected), accel, mag, predicted, dt, share
-    )
-    elapsed += dt
+    felt = (turn, rate, gyro_rejected)
     starts = dt <= 0.0 or not last.started
-    if begins:
-        rotor = snapshot
-        if starts:
-            elapsed = 0.0
-    elif found:
-        if senses.turned and not stateful:
-            snapshot = negative(snapshot)
-        rotor = blend(predicted, snapshot, weight)  # eq. 16
-    if learns and past.time < WINDOW and alpha < 1.0 and not begins:
-        x, y, z = learned.drift  # what the slow room found out of the past
-        half = 0.5 * dt
-        rotor = nudged(rotor, predicted, (half * x, half * y, half * z))
+    elapsed += dt
+    begins = False
+    change = IDENTITY
+    if leans and not starts and (last.heading_known or mag[0] != mag[0]):
+        if not normalise:
+            predicted = unit(predicted)
+        senses, change = corrected(last, sources, felt, accel, mag, predicted, dt, weight, share)
+    else:
+        senses, found, _, begins, rotor = look(last, sources, felt, accel, mag, predicted, dt)
+        if begins:
+            if starts:
+                elapsed = 0.0
+        elif found:
+            if senses.turned and not stateful:
+                rotor = negative(rotor)
+            rotor = blend(predicted, rotor, weight)  # eq. 16
+        else:
+            rotor = predicted
+        if leans:
+            change = product(rotor, conjugate(predicted))
+    if leans and not begins:
+        if learns and past.time < WINDOW and alpha < 1.0:
+            x, y, z = learned.drift  # what the slow room found out of the past
+            half = 0.5 * dt
+            w, i, j, k = change
+            change = (w, i + half * x, j + half * y, k + half * z)
+        rotor = product(change, predicted)
     square = dot(rotor, rotor)
     if not square > 1e-12:  # only a stateless blend of opposite signs can vanish
         rotor = predicted
@@ -305,21 +320,20 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
             rotor = unit(rotor)
     if learns:
         fresh = sources.use_mag and senses.mag_age == 0.0
-        past = passed(past, fresh, rotor, predicted, elapsed, dt, begins, starts)
+        past = passed(past, fresh, change, elapsed, dt, begins, starts)
     return State(rotor, senses, elapsed, predicted, pace, learned, room, past, seen)
 
 
 def passed(
     past: Past,
     fresh: bool,
-    rotor: Rotor,
-    predicted: Rotor,
+    change: Rotor,
     elapsed: float,
     dt: float,
     begins: bool,
     starts: bool,
 ) -> Past:
-    """What the slow room should know of a step."""
+    """What the slow room should know of a step that turned the predicted rotor by ``change``."""
     if begins:
         return Past(0.0, past.applied, 0, 0.0, 1.0, dt, True)
     if starts:
@@ -331,16 +345,11 @@ def passed(
         row_time = 0.0
         if fresh:
             mag_row_time = 0.0
-    w, x, y, z = predicted
-    p, q, r, s = rotor
+    _, x, y, z = change
     window = WINDOW if elapsed > WINDOW else 0.25 * WINDOW
     return Past(
         time,
-        (
-            ax + 2.0 * (w * q - p * x + s * y - r * z),
-            ay + 2.0 * (w * r - p * y + q * z - s * x),
-            az + 2.0 * (w * s - p * z + r * x - q * y),
-        ),
+        (ax + 2.0 * x, ay + 2.0 * y, az + 2.0 * z),
         rows,
         row_time,
         mag_row_time,
