@@ -78,6 +78,16 @@ def carried(q: Rotor, v: Vector) -> Vector:
     )
 
 
+def slightly(q: Rotor, v: Vector) -> Vector:
+    """`rotate` by a rotor that is nearly one: to first order where it turns by less than 0.5°."""
+    w, x, y, z = q
+    if not 0.99999 < w < 1.00001:
+        return rotate(unit(q), v)
+    vx, vy, vz = v
+    x, y, z = 2.0 * x, 2.0 * y, 2.0 * z
+    return (vx + y * vz - z * vy, vy + z * vx - x * vz, vz + x * vy - y * vx)
+
+
 def minus(u: Vector, v: Vector) -> Vector:
     """Difference of two vectors."""
     ux, uy, uz = u

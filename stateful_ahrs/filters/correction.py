@@ -5,89 +5,127 @@ frame, from what is predicted to what is seen. So
 
     α p + (1 − α) s  =  (α + (1 − α) δ) p,
 
-and where ``δ`` has w ≥ 0 the snapshot is the one of its two that continues ``p`` (eq. 3–4). That
-takes half the time of a snapshot by itself, tells the slow room what was corrected, and lets
-heading be corrected less than tilt: ``δ`` is a turn about the vertical after one about a level axis.
+and where ``δ`` has w ≥ 0 the snapshot is the one of its two that continues ``p`` (eq. 3–4).
+Here ``δ`` is a turn about a level axis, which brings up to the vertical, and after it one about
+the vertical, which brings north to the north, and each is blended by itself: so heading may have
+an α of its own, and is corrected where a magnetometer sample comes, for all the time since the last.
+
+In the earth frame gravity stands still and motion averages out, so up may be low-passed there.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
-from ..rotor import IDENTITY, Rotor, Vector, carried
-from .senses import LEVEL, Felt, Senses, Sources, notice
+from ..rotor import IDENTITY, Rotor, Vector, rotate, slightly
+from .gains import Gains, part_of_heading
+from .learning import Learned
+from .senses import LEVEL, LOW_PASS, STRONGEST, UP, WEAKEST, Felt, Senses, heard, says, usable
+from .spikes import ZERO, is_glitch
 
-UPSIDE_DOWN = 1e-3  # of up: less of it above the opposite of the predicted one tells no axis
+UPSIDE_DOWN = 1e-3  # less than this of up above the opposite of the vertical tells no axis
+
+
+class Earth(NamedTuple):
+    """What stands still in the earth frame."""
+
+    up: Vector = UP  # mean specific force, m/s²
+    time: float = 0.0  # s that went into it, at most `LOW_PASS`
+    field: Vector = ZERO  # the last magnetic field
 
 
 def corrected(
     senses: Senses,
-    sources: Sources,
+    earth: Earth,
+    gains: Gains,
+    learned: Learned,
     felt: Felt,
     accel: Vector,
     mag: Vector,
     predicted: Rotor,
-    dt: float,
     weight: float,
-    share: float,
-) -> tuple[Senses, Rotor]:
-    """What is remembered of a sample, and ``α + (1 − α) δ`` for α = ``weight``; 1 without up.
+    elapsed: float,
+    dt: float,
+) -> tuple[Senses, Earth, bool, Rotor]:
+    """Take a sample after the start: what the blend makes of ``predicted``, a unit rotor.
 
-    For a filter that has started. ``predicted`` is a unit rotor; ``share`` is the part of the
-    heading's turn in ``δ``: 1 is north as measured, 0 as predicted.
+    ``weight`` is α in this step, and ``elapsed`` the time since the start. Returns
+
+    - what is remembered from now on, of the samples and in the (predicted) earth frame;
+    - whether this is the first heading, which is taken whole;
+    - the turn of ``predicted``, about axes of the earth: a unit rotor but for the blend.
     """
-    turn, rate, gyro_rejected = felt
-    _, last_mag, _, started, heading_known, turned, sign_corrections, _, _, _, _, _ = senses
-    up, has_up, field, fresh, mag_age, accel_rejected, mag_rejected, up_kept, up_time = notice(
-        senses, sources, turn, accel, mag, dt
-    )
-    change = IDENTITY
+    _, rate, gyro_rejected = felt
+    (
+        _, last_mag, mag_age, started, heading_known, turned, sign_corrections, _, accel_rejected,
+        mag_rejected,
+    ) = senses  # fmt: skip
+    (north, west, up), time, field = earth
+    has_up = usable(accel)
     if has_up:
-        ux, uy, uz = up
-        fx, fy, fz = field
-        square = ux * ux + uy * uy + uz * uz
-        along = ux * fx + uy * fy + uz * fz
-        whole = square * (fx * fx + fy * fy + fz * fz)
-        across = whole - along * along
-        has_north = across > LEVEL * LEVEL * whole
-
-        w, x, y, z = predicted
-        a, b, xy, wz, xz, wy = w * w - z * z, x * x - y * y, x * y, w * z, x * z, w * y
-        north_x, north_y, north_z = a + b, 2.0 * (xy - wz), 2.0 * (xz + wy)
-        west_x, west_y, west_z = 2.0 * (xy + wz), a - b, 2.0 * (y * z - w * x)
-        to_north = north_x * ux + north_y * uy + north_z * uz
-        to_west = west_x * ux + west_y * uy + west_z * uz
-        up_x, up_y, up_z = 2.0 * (xz - wy), 2.0 * (y * z + w * x), w * w + z * z - x * x - y * y
+        time += dt
+        share = dt / time
+        if time > LOW_PASS:
+            time = LOW_PASS
+        x, y, z = rotate(predicted, accel)
+        north, west, up = (
+            north + share * (x - north),
+            west + share * (y - west),
+            up + share * (z - up),
+        )
+    else:
+        x, y, z = ZERO
+        accel_rejected += 1
+    mean = (north, west, up)
+    if not gains.low_pass:
+        north, west, up = x, y, z
+    square = north * north + west * west + up * up
+    change = IDENTITY
+    if WEAKEST * WEAKEST < square < STRONGEST * STRONGEST:
         length = math.sqrt(square)
-        above = length + up_x * ux + up_y * uy + up_z * uz
-        if not above > UPSIDE_DOWN * length:
-            above, to_north, to_west = 0.0, 0.0, length
-        # The turn from (to_north, to_west, above - length) to up is (above, to_west, -to_north, 0).
-        cosine, sine = 2.0, 0.0  # of half the turn from the measured north to the predicted one
-        if not has_north:
-            if fresh:
-                fresh = False
-                mag_rejected += 1
-                field = carried(turn, last_mag)
-        elif heading_known and sources.use_mag and (fresh or mag_age <= sources.mag_timeout):
-            s = share * math.sqrt(square / across)  # over the length of the level field
-            cosine = 2.0 - share + s * (north_x * fx + north_y * fy + north_z * fz)
-            sine = -s * (west_x * fx + west_y * fy + west_z * fz)
-            if cosine * cosine + sine * sine < 1e-9:
-                sine = 2.0
-        level = cosine * cosine + sine * sine
-        s = (1.0 - weight) / math.sqrt(
-            level * (above * above + to_north * to_north + to_west * to_west)
-        )
-        cosine, sine = s * cosine, s * sine
-        change = (
-            weight + cosine * above,
-            cosine * to_west + sine * to_north,
-            sine * to_west - cosine * to_north,
-            sine * above,
-        )
-    if fresh:
-        mag_age = 0.0
+        up += length  # half way from it to the vertical
+        if not up > UPSIDE_DOWN * length:
+            north, west, up = 0.0, length, 0.0
+        s = (1.0 - weight) / math.sqrt(north * north + west * west + up * up)
+        change = (weight + s * up, s * west, -s * north, 0.0)
+
+    first = False
+    mag_age += dt
+    if says(mag):
+        fresh = heard(mag)
+        if fresh:
+            x, y, z = rotate(predicted, mag)
+            square = x * x + y * y
+            fresh = square > LEVEL * LEVEL * (square + z * z)  # else it is along gravity
+            if fresh and gains.despike:
+                fresh = not is_glitch((x, y, z), field, mag_age, dt)
+        if not fresh:
+            mag_rejected += 1
+        else:
+            field = (x, y, z)
+            last_mag = mag
+            if gains.sources.use_mag:
+                first = not heading_known
+                part = 1.0
+                if heading_known:
+                    span = max(dt, min(mag_age, gains.sources.mag_timeout))
+                    part = part_of_heading(gains, learned, elapsed, span)
+                s = part / math.sqrt(square)
+                # Half of the way from the measured north, and half of the way that is left.
+                cosine, sine = 1.0 - 0.5 * (part - s * x), -0.5 * s * y
+                if first:
+                    heading_known = True
+                    change = about_vertical(cosine, sine)
+                else:
+                    w, i, j, _ = change
+                    change = (
+                        cosine * w,
+                        cosine * i - sine * j,
+                        cosine * j + sine * i,
+                        sine * w,
+                    )
+            mag_age = 0.0
 
     was_turned = turned
     turned = -min(predicted) > max(predicted)  # the sign that a snapshot has of its own
@@ -95,7 +133,7 @@ def corrected(
         sign_corrections += 1
     now = Senses(
         rate,
-        field,
+        last_mag,
         mag_age,
         started,
         heading_known,
@@ -104,7 +142,19 @@ def corrected(
         gyro_rejected,
         accel_rejected,
         mag_rejected,
-        up_kept,
-        up_time,
     )
-    return now, change
+    return now, Earth(mean, time, field), first, change
+
+
+def about_vertical(cosine: float, sine: float) -> Rotor:
+    """The unit rotor about the vertical from cosine and sine of half the angle, of any length."""
+    length = math.sqrt(cosine * cosine + sine * sine)
+    if length < 1e-6:  # the field is opposite
+        return (0.0, 0.0, 0.0, 1.0)
+    return (cosine / length, 0.0, 0.0, sine / length)
+
+
+def seen_after(earth: Earth, change: Rotor, fresh: bool) -> Earth:
+    """The same, after the earth frame was put right by ``change``."""
+    up, time, field = earth
+    return Earth(slightly(change, up), time, slightly(change, field) if fresh else field)

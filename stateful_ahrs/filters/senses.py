@@ -4,9 +4,6 @@
 accelerometer and magnetometer. Nothing that comes in, and nothing that fails to come, stops a
 filter: a rate that is none is held, and where the magnetometer has nothing to say the snapshot
 takes the north that the filter predicts.
-
-Up may be low-passed, in axes that the gyroscope carries along: there gravity stands still and
-motion averages out. In the paper it is not.
 """
 
 from __future__ import annotations
@@ -47,8 +44,6 @@ class Senses(NamedTuple):
     gyro_rejected: int = 0
     accel_rejected: int = 0
     mag_rejected: int = 0
-    up: Vector = UP  # low-passed specific force, carried along by the gyroscope, m/s²
-    up_time: float = 0.0  # s that went into it, at most LOW_PASS
 
 
 class Sources(NamedTuple):
@@ -57,22 +52,14 @@ class Sources(NamedTuple):
     use_mag: bool
     mag_timeout: float
     north_at_start: Vector
-    low_pass: bool  # up is the low-passed one
-    keeps_up: bool  # it is at least kept
 
 
 Felt = tuple[Rotor, Vector, int]  # the turn since the last step, its rate, rates rejected so far
 
 
-def sources(settings: Settings, low_pass: bool = False, keeps_up: bool = False) -> Sources:
+def sources(settings: Settings) -> Sources:
     """The settings as `look` takes them."""
-    return Sources(
-        settings.use_mag,
-        float(settings.mag_timeout),
-        settings.north_at_start,
-        low_pass,
-        keeps_up or low_pass,
-    )
+    return Sources(settings.use_mag, float(settings.mag_timeout), settings.north_at_start)
 
 
 def held(senses: Senses, gyro: Vector) -> tuple[Vector, int]:
@@ -95,64 +82,18 @@ def usable(accel: Vector) -> bool:
     return WEAKEST * WEAKEST < square < STRONGEST * STRONGEST
 
 
-def low_passed(
-    up: Vector, time: float, turn: Rotor, accel: Vector, good: bool, dt: float
-) -> tuple[Vector, float]:
-    """The mean of specific force, at first of all samples, in axes that the gyroscope carries."""
-    x, y, z = carried(turn, up)
-    if good:
-        time += dt
-        s = dt / time
-        ax, ay, az = accel
-        x, y, z = x + s * (ax - x), y + s * (ay - y), z + s * (az - z)
-        if time > LOW_PASS:
-            time = LOW_PASS
-    return (x, y, z), time
+def says(mag: Vector) -> bool:
+    """Whether a magnetometer sample came, good or bad."""
+    return mag[0] == mag[0] or mag[1] == mag[1] or mag[2] == mag[2]
+
+
+def heard(mag: Vector) -> bool:
+    """Whether a sample can be a magnetic field."""
+    x, y, z = mag
+    return 1e-24 < x * x + y * y + z * z < 1e24
 
 
 snapshot = dcm  # `bind` puts another in its place
-
-
-class Noticed(NamedTuple):
-    """The samples of one instant, the bad ones replaced."""
-
-    up: Vector  # specific force, or its low-passed mean
-    has_up: bool  # it can be gravity's
-    field: Vector  # magnetic, or the last one carried along
-    fresh: bool  # it is of this instant
-    mag_age: float  # s, of that before this one
-    accel_rejected: int
-    mag_rejected: int
-    up_kept: Vector
-    up_time: float
-
-
-def notice(
-    senses: Senses, sources: Sources, turn: Rotor, accel: Vector, mag: Vector, dt: float
-) -> Noticed:
-    """Take the good of specific force and magnetic field, ``dt`` s and a turn after the last."""
-    _, last_mag, mag_age, started, _, _, _, _, accel_rejected, mag_rejected, kept, time = senses
-    mag_age = mag_age + dt if dt > 0.0 else math.inf  # it told another time's heading
-    fresh = False
-    x, y, z = mag
-    if x == x or y == y or z == z:
-        fresh = 1e-24 < x * x + y * y + z * z < 1e24
-        if not fresh:
-            mag_rejected += 1
-    field = mag if fresh else carried(turn, last_mag)
-
-    has_up = usable(accel)
-    if not has_up:
-        accel_rejected += 1
-    up = accel
-    if sources.keeps_up and started and dt > 0.0:
-        kept, time = low_passed(kept, time, turn, accel, has_up, dt)
-        if sources.low_pass:
-            up = kept
-            has_up = usable(up)
-    else:
-        kept, time = accel if has_up else kept, 0.0
-    return Noticed(up, has_up, field, fresh, mag_age, accel_rejected, mag_rejected, kept, time)
 
 
 def look(
@@ -176,17 +117,26 @@ def look(
     - the snapshot, sensor → earth (NWU), in the sign of ``predicted`` (eq. 4).
     """
     turn, rate, gyro_rejected = felt
-    _, last_mag, _, started, heading_known, turned, sign_corrections, _, _, _, _, _ = senses
+    (
+        _, last_mag, mag_age, started, heading_known, turned, sign_corrections, _, accel_rejected,
+        mag_rejected,
+    ) = senses  # fmt: skip
     starts = dt <= 0.0 or not started
     heading_known = heading_known and dt > 0.0
-    up, has_up, field, fresh, mag_age, accel_rejected, mag_rejected, up_kept, up_time = notice(
-        senses, sources, turn, accel, mag, dt
-    )
+
+    mag_age = mag_age + dt if dt > 0.0 else math.inf  # it told another time's heading
+    fresh = heard(mag)
+    if not fresh and says(mag):
+        mag_rejected += 1
+    field = mag if fresh else carried(turn, last_mag)
+    has_up = usable(accel)
+    if not has_up:
+        accel_rejected += 1
 
     from_mag, rotor = False, IDENTITY
     if has_up and sources.use_mag and (fresh or mag_age <= sources.mag_timeout):
         if starts or heading_known:
-            from_mag, rotor = snapshot(up, field)
+            from_mag, rotor = snapshot(accel, field)
         else:  # the first heading leaves the tilt alone
             from_mag, rotor = snapshot(carried(unit(predicted), UP), field)
         if fresh and not from_mag:  # along gravity
@@ -201,9 +151,9 @@ def look(
         north = sources.north_at_start
         if started:
             north = carried(unit(predicted), NORTH)
-        found, rotor = dcm(up, north)
+        found, rotor = dcm(accel, north)
         if starts and not found:
-            found, rotor = dcm(up, UP)
+            found, rotor = dcm(accel, UP)
 
     if found:
         was_turned = turned
@@ -223,8 +173,6 @@ def look(
         gyro_rejected,
         accel_rejected,
         mag_rejected,
-        up_kept,
-        up_time,
     )
     return now, found, from_mag, begins and found, rotor
 
@@ -243,6 +191,4 @@ def without_mag(senses: Senses, felt: Felt, accel: Vector) -> Senses:
         felt[2],
         senses.accel_rejected + (not has_up),
         senses.mag_rejected,
-        senses.up,
-        senses.up_time,
     )

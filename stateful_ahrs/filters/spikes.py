@@ -71,9 +71,12 @@ def to_neighbours(last: Vector, before: Vector, after: Vector, jump: float) -> V
     return (0.5 * (one[0] + other[0]), 0.5 * (one[1] + other[1]), 0.5 * (one[2] + other[2]))
 
 
-def is_glitch(mag: Vector, last: Vector, age: float) -> bool:
-    """Whether a field differs by more than itself from a last good one that is not old (s)."""
-    if not age < STAYS:
+def is_glitch(mag: Vector, last: Vector, age: float, dt: float) -> bool:
+    """Whether a field differs by more than itself from a last good one, ``age`` s old.
+
+    Both are in the earth frame.
+    """
+    if not (age - dt < STAYS and dt < SHORT):
         return False
     return square(minus(mag, last)) > min(square(mag), square(last))
 

@@ -39,7 +39,7 @@ from ..rotor import (
     Rotor,
     Vector,
     blend,
-    conjugate,
+    carried,
     dot,
     from_rate,
     minus,
@@ -49,7 +49,18 @@ from ..rotor import (
     unit,
 )
 from .compiled import bind, compiled
-from .correction import corrected
+from .correction import Earth, corrected, seen_after
+from .gains import (
+    AVERAGED,
+    NO_PACE,
+    START_LOW_PASSED,
+    Gains,
+    Pace,
+    at_start,
+    gains,
+    paced,
+    weight_of_gyro,
+)
 from .kernel import NO_MAG as NO_MAG
 from .kernel import Kernel, KernelFilter, Report
 from .learning import (
@@ -57,14 +68,12 @@ from .learning import (
     ROW_TIME,
     ROWS,
     WINDOW,
-    Chosen,
     Floats,
     Learned,
     Memory,
     Room,
     Window,
     begin,
-    chosen,
     first_heading,
     learn,
     memory,
@@ -72,7 +81,7 @@ from .learning import (
 )
 from .samples import Array, Samples
 from .senses import FASTEST as FASTEST
-from .senses import LOW_PASS, Senses, Sources, held, look, sources, usable
+from .senses import Senses, held, look, usable
 from .senses import STRONGEST as STRONGEST
 from .senses import UP as UP
 from .senses import WEAKEST as WEAKEST
@@ -85,35 +94,13 @@ from .spikes import (
     ZERO,
     Seen,
     is_far,
-    is_glitch,
     put_right,
     way_back,
 )
 from .stamps import steps
 
 NEAR_UNIT = 1e-6  # of the square of a length: one step of Newton is then as good as the root
-START = 1.0  # s: the mean of all snapshots
-START_LOW_PASSED = LOW_PASS  # s: until the low-pass is full, its up is taken whole
-AVERAGED = 2.0 * LOW_PASS  # s: until then a slow α is that of a mean
-NEWER = 3.0  # at the start: the mean north of all samples, the newer the more
 DISTURBED = 0.1  # trust of a field three standard deviations off
-
-
-class Gains(NamedTuple):
-    """The settings as the kernel takes them."""
-
-    sources: Sources
-    alpha: float
-    alpha_rate: float
-    alpha_heading: float
-    stateful: bool
-    normalise: bool
-    average_start: bool
-    despike: bool
-    corrects: bool
-    learns: bool
-    leans: bool  # the blend is a turn of the predicted rotor (`correction`)
-    chosen: Chosen
 
 
 class Past(NamedTuple):
@@ -131,18 +118,6 @@ class Past(NamedTuple):
 NO_PAST = Past()
 
 
-class Pace(NamedTuple):
-    """What α makes of a step, as long as steps are alike: a power costs more than the rest."""
-
-    span: float = -1.0  # s, of the step
-    weight: float = 0.0  # that α leaves to the gyroscope path in it
-    heading: float = 0.0  # likewise alpha_heading
-    reach: float = 0.0  # s: span over the weight of the snapshot
-
-
-NO_PACE = Pace()
-
-
 class State(NamedTuple):
     """All that the filter carries from sample to sample."""
 
@@ -155,26 +130,7 @@ class State(NamedTuple):
     room: Room = Room()
     past: Past = Past()
     seen: Seen = Seen()
-
-
-def gains(settings: Settings) -> Gains:
-    """The settings as the kernel takes them; a rotor of its own sign teaches nothing."""
-    learns = settings.learns and settings.stateful
-    taught = chosen(settings) if learns else Chosen(False, False, False, False)
-    return Gains(
-        sources(settings, settings.low_pass, learns),
-        float(settings.alpha),
-        float(settings.alpha_rate),
-        float(settings.alpha_heading),
-        settings.stateful,
-        settings.normalise,
-        settings.average_start,
-        settings.despike,
-        settings.corrects,
-        learns,
-        settings.stateful and (settings.low_pass or learns or settings.alpha_heading >= 0.0),
-        taught,
-    )
+    earth: Earth = Earth()
 
 
 def predict(rotor: Rotor, turn: Rotor) -> Rotor:
@@ -185,14 +141,6 @@ def predict(rotor: Rotor, turn: Rotor) -> Rotor:
 def predict_as_printed(rotor: Rotor, turn: Rotor) -> Rotor:
     """Eq. 14 as printed, the turn on the left, as if rates were measured in the earth frame."""
     return product(turn, rotor)
-
-
-def weight_of_gyro(alpha: float, alpha_rate: float, dt: float) -> float:
-    """The weight that α leaves to the gyroscope path in a step of ``dt`` s."""
-    weight = alpha
-    if alpha_rate > 0.0:
-        weight = alpha ** (dt * alpha_rate)
-    return weight
 
 
 def true_rate(learned: Learned, rate: Vector) -> Vector:
@@ -223,42 +171,13 @@ def true_field(learned: Learned, mag: Vector, rate: Vector) -> Vector:
     )
 
 
-def paced(gains: Gains, dt: float) -> Pace:
-    """What α makes of a step of ``dt`` s."""
-    heading = 0.0
-    if gains.alpha_heading >= 0.0:
-        heading = weight_of_gyro(gains.alpha_heading, gains.alpha_rate, dt)
-    weight = weight_of_gyro(gains.alpha, gains.alpha_rate, dt)
-    return Pace(dt, weight, heading, dt / (1.0 - weight) if weight < 1.0 else 0.0)
-
-
-def weights(gains: Gains, learned: Learned, pace: Pace, elapsed: float) -> tuple[float, float]:
-    """The weight of the gyroscope path, and how far north is the measured one (see `look`)."""
-    dt, weight, heading, reach = pace
-    rest = 1.0 - weight
-    share = 1.0
-    if gains.alpha_heading >= 0.0:
-        share = learned.trust * (1.0 - heading) / rest if rest > 0.0 else 0.0
-    elif gains.chosen.weigh:
-        share = learned.heading_rate * reach
-        if share > 1.0:
-            share = 1.0
-    if gains.average_start and dt > 0.0:
-        if not gains.sources.low_pass:
-            if elapsed < START:
-                weight = min(weight, elapsed / (elapsed + dt))
-        elif elapsed + dt < AVERAGED:
-            weight = min(weight, elapsed / (elapsed + dt))
-            if elapsed + dt < START_LOW_PASSED:
-                weight = 0.0
-                share = min(1.0, NEWER * dt / (elapsed + dt))
-    return weight, share
-
-
 def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, dt: float) -> State:
     """Take one sample of all sensors, ``dt`` s after the last; 0 starts anew (eq. 16)."""
-    rotor, last, elapsed, _, pace, learned, room, past, seen = state
-    sources, alpha, _, _, stateful, normalise, _, despike, corrects, learns, leans, _ = gains
+    rotor, last, elapsed, _, pace, learned, room, past, seen, earth = state
+    (
+        sources, alpha, _, _, stateful, normalise, average_start, despike, low_pass, corrects, learns,
+        turns, _,
+    ) = gains  # fmt: skip
     rate, gyro_rejected = held(last, gyro)
     turn_rate = rate
     if corrects:
@@ -271,44 +190,46 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
         if 0.0 < dt < SHORT:
             if is_far(rate, last.rate, JUMP_OF_RATE):
                 turn = product(way_back(last.rate, seen, rate), turn)
-            if mag[0] == mag[0] and is_glitch(mag, last.mag, last.mag_age):
-                mag = ZERO  # none, and counted
-            if sources.low_pass and is_far(accel, seen.force, JUMP_OF_FORCE):
+            if low_pass and is_far(accel, seen.force, JUMP_OF_FORCE):
                 accel = put_right(seen, turn, accel)
         seen = Seen(last.rate, dt, force, seen.force)
     predicted = predict(rotor, turn)
     if dt != pace.span:
         pace = paced(gains, dt)
-    weight, share = weights(gains, learned, pace, elapsed)
-    felt = (turn, rate, gyro_rejected)
+    weight = pace.weight
     starts = dt <= 0.0 or not last.started
+    if average_start and elapsed < AVERAGED and not starts:
+        weight = at_start(gains, weight, elapsed, dt)
+    felt = (turn, rate, gyro_rejected)
     elapsed += dt
     begins = False
-    change = IDENTITY
-    if leans and not starts and (last.heading_known or mag[0] != mag[0]):
+    if turns and not starts:
         if not normalise:
             predicted = unit(predicted)
-        senses, change = corrected(last, sources, felt, accel, mag, predicted, dt, weight, share)
+        senses, earth, begins, change = corrected(
+            last, earth, gains, learned, felt, accel, mag, predicted, weight, elapsed, dt
+        )
+        if learns and past.time < WINDOW and alpha < 1.0 and not begins:
+            x, y, z = learned.drift  # what the slow room found out of the past
+            half = 0.5 * dt
+            w, i, j, k = change
+            change = (w, i + half * x, j + half * y, k + half * z)
+        earth = seen_after(earth, change, senses.mag_age == 0.0)
+        rotor = product(change, predicted)
     else:
+        change = IDENTITY
         senses, found, _, begins, rotor = look(last, sources, felt, accel, mag, predicted, dt)
         if begins:
             if starts:
                 elapsed = 0.0
+                if turns:
+                    earth = Earth(rotate(rotor, accel), 0.0, ZERO)
         elif found:
             if senses.turned and not stateful:
                 rotor = negative(rotor)
             rotor = blend(predicted, rotor, weight)  # eq. 16
         else:
             rotor = predicted
-        if leans:
-            change = product(rotor, conjugate(predicted))
-    if leans and not begins:
-        if learns and past.time < WINDOW and alpha < 1.0:
-            x, y, z = learned.drift  # what the slow room found out of the past
-            half = 0.5 * dt
-            w, i, j, k = change
-            change = (w, i + half * x, j + half * y, k + half * z)
-        rotor = product(change, predicted)
     square = dot(rotor, rotor)
     if not square > 1e-12:  # only a stateless blend of opposite signs can vanish
         rotor = predicted
@@ -321,7 +242,7 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
     if learns:
         fresh = sources.use_mag and senses.mag_age == 0.0
         past = passed(past, fresh, change, elapsed, dt, begins, starts)
-    return State(rotor, senses, elapsed, predicted, pace, learned, room, past, seen)
+    return State(rotor, senses, elapsed, predicted, pace, learned, room, past, seen, earth)
 
 
 def passed(
@@ -364,7 +285,7 @@ def note(log: Floats, state: State, accel: Vector, mag: Vector, row_time: float)
     at = COLUMNS * (state.past.rows - 1)
     log[at], log[at + 1], log[at + 2], log[at + 3] = unit(state.predicted)
     log[at + 4], log[at + 5], log[at + 6] = senses.rate
-    force = accel if usable(accel) else senses.up
+    force = accel if usable(accel) else carried(unit(state.predicted), state.earth.up)
     log[at + 7], log[at + 8], log[at + 9] = force
     log[at + 10], log[at + 11], log[at + 12] = mag
     log[at + 13] = row_time
@@ -380,13 +301,14 @@ def look_back(state: State, memory: Memory, gains: Gains) -> State:
         tilt_rate = (1.0 - pace.weight) / past.step
         heading_rate = -1.0
         if gains.alpha_heading >= 0.0:
-            heading_rate = (1.0 - pace.heading) / past.step
+            kept = weight_of_gyro(gains.alpha_heading, gains.alpha_rate, past.step)
+            heading_rate = (1.0 - kept) / past.step
         elif not gains.chosen.weigh:
             heading_rate = tilt_rate
         starting = gains.average_start and state.elapsed < START_LOW_PASSED
         window = Window(
             past.rows,
-            rotate(unit(state.rotor), state.senses.up),
+            state.earth.up,
             past.applied,
             tilt_rate,
             heading_rate,
@@ -400,7 +322,7 @@ def look_back(state: State, memory: Memory, gains: Gains) -> State:
     past = Past(0.0, (0.0, 0.0, 0.0), 0, past.row_time, past.mag_row_time, past.step, False)
     return State(
         state.rotor, state.senses, state.elapsed, state.predicted, state.pace, learned, room, past,
-        state.seen,
+        state.seen, state.earth,
     )  # fmt: skip
 
 

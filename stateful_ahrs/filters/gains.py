@@ -1,0 +1,103 @@
+"""The settings as the stateful filter's kernel takes them, and what α makes of a span of time."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from .learning import Chosen, Learned, chosen
+from .senses import LOW_PASS, Sources, sources
+from .settings import Settings
+
+START = 1.0  # s: the mean of all snapshots
+START_LOW_PASSED = LOW_PASS  # s: until the low-pass is full, its up is taken whole
+AVERAGED = 2.0 * LOW_PASS  # s: until then a slow α is that of a mean
+NEWER = 3.0  # at the start: the mean north of all samples, the newer the more
+
+
+class Gains(NamedTuple):
+    """The settings as the kernel takes them."""
+
+    sources: Sources
+    alpha: float
+    alpha_rate: float
+    alpha_heading: float
+    stateful: bool
+    normalise: bool
+    average_start: bool
+    despike: bool
+    low_pass: bool
+    corrects: bool
+    learns: bool
+    turns: bool  # the blend is a turn of the predicted rotor (`correction`)
+    chosen: Chosen
+
+
+class Pace(NamedTuple):
+    """What α makes of a step, as long as steps are alike: a power costs more than the rest."""
+
+    span: float = -1.0  # s, of the step
+    weight: float = 0.0  # that α leaves to the gyroscope path in it
+
+
+NO_PACE = Pace()
+
+
+def gains(settings: Settings) -> Gains:
+    """The settings as the kernel takes them; a rotor of its own sign teaches nothing."""
+    learns = settings.learns and settings.stateful
+    taught = chosen(settings) if learns else Chosen(False, False, False, False)
+    apart = settings.low_pass or settings.despike or settings.alpha_heading >= 0.0
+    return Gains(
+        sources(settings),
+        float(settings.alpha),
+        float(settings.alpha_rate),
+        float(settings.alpha_heading),
+        settings.stateful,
+        settings.normalise,
+        settings.average_start,
+        settings.despike,
+        settings.low_pass,
+        settings.corrects,
+        learns,
+        settings.stateful and (apart or learns),
+        taught,
+    )
+
+
+def weight_of_gyro(alpha: float, alpha_rate: float, span: float) -> float:
+    """The weight that α leaves to the gyroscope path in ``span`` s."""
+    weight = alpha
+    if alpha_rate > 0.0:
+        weight = alpha ** (span * alpha_rate)
+    return weight
+
+
+def paced(gains: Gains, dt: float) -> Pace:
+    """What α makes of a step of ``dt`` s."""
+    return Pace(dt, weight_of_gyro(gains.alpha, gains.alpha_rate, dt))
+
+
+def at_start(gains: Gains, weight: float, elapsed: float, dt: float) -> float:
+    """The weight of the gyroscope path, less where the filter has not yet taken a mean."""
+    if gains.low_pass and elapsed + dt < START_LOW_PASSED:
+        return 0.0
+    if elapsed + dt < AVERAGED if gains.low_pass else elapsed < START:
+        return min(weight, elapsed / (elapsed + dt))
+    return weight
+
+
+def part_of_heading(gains: Gains, learned: Learned, elapsed: float, span: float) -> float:
+    """How much of the way to the measured north heading goes, ``span`` s after the last one."""
+    if gains.alpha_heading >= 0.0:
+        kept = weight_of_gyro(gains.alpha_heading, gains.alpha_rate, span)
+        part = learned.trust * (1.0 - kept)
+    elif gains.chosen.weigh:
+        part = min(1.0, learned.heading_rate * span)
+    else:
+        part = 1.0 - weight_of_gyro(gains.alpha, gains.alpha_rate, span)
+    if gains.average_start and elapsed < AVERAGED:
+        if gains.low_pass and elapsed < START_LOW_PASSED:
+            part = min(1.0, NEWER * span / elapsed)
+        elif elapsed < START:
+            part = max(part, span / elapsed)
+    return part
