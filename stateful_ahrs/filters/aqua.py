@@ -24,10 +24,10 @@ import math
 from typing import NamedTuple
 
 from ..rotor import IDENTITY, Rotor, Vector, from_rate, minus, negative, product, rotate, unit
+from .gains import weight_of_gyro
 from .kernel import Kernel
 from .senses import Senses, Sources, feel, look, sources, without_mag
 from .settings import Settings
-from .gains import weight_of_gyro
 
 GRAVITY = 9.81  # m/s²
 FULL, NO_GAIN = 0.1, 0.2  # of gravity: t1 and t2 of eq. 23

@@ -18,10 +18,11 @@ from typing import NamedTuple
 
 from ..rotor import IDENTITY, Rotor, Vector, blend, dot, product, rotate, unit
 from ..snapshot.directions import directions
+from .gains import weight_of_gyro
 from .kernel import Kernel
 from .senses import Senses, feel, usable, without_mag
 from .settings import Settings
-from .stateful import over, weight_of_gyro
+from .stateful import over
 
 
 def tilt(accel: Vector) -> Rotor:

@@ -81,10 +81,10 @@ from .learning import (
 )
 from .samples import Array, Samples
 from .senses import FASTEST as FASTEST
-from .senses import Senses, held, look, usable
 from .senses import STRONGEST as STRONGEST
 from .senses import UP as UP
 from .senses import WEAKEST as WEAKEST
+from .senses import Senses, held, look, usable
 from .settings import DEFAULTS, Known
 from .settings import Settings as Settings
 from .spikes import (
@@ -175,8 +175,8 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
     """Take one sample of all sensors, ``dt`` s after the last; 0 starts anew (eq. 16)."""
     rotor, last, elapsed, _, pace, learned, room, past, seen, earth = state
     (
-        sources, alpha, _, _, stateful, normalise, average_start, despike, low_pass, corrects, learns,
-        turns, _,
+        sources, alpha, _, _, stateful, normalise, average_start, despike, low_pass, corrects,
+        learns, turns, _,
     ) = gains  # fmt: skip
     rate, gyro_rejected = held(last, gyro)
     turn_rate = rate
