@@ -73,11 +73,18 @@ def test_what_ros_writes_is_read():
             source.randrange(2**60), "f" * source.randrange(FRAMES), (1.0, 2.0, 3.0),
             numbers(source, 9),
         )  # fmt: skip
-        found, expected = fast.inertial(serialize_message(message)), slow.inertial(message)
-        assert (found.stamp, fast.name(found.frame)) == (expected.stamp, expected.frame)
-        assert repr((found.gyro, found.accel)) == repr((expected.gyro, expected.accel))
-        assert found.gyro_covariance == fast.covariance(expected.gyro_covariance)
-        assert found.accel_covariance == fast.covariance(expected.accel_covariance)
+        found = fast.inertial(serialized(message))
+        stamp, frame, gyro, gyro_covariance, accel, accel_covariance = slow.inertial(message)
+        assert repr(found) == repr(
+            (
+                stamp,
+                fast.frame(frame),
+                gyro,
+                fast.covariance(gyro_covariance),
+                accel,
+                fast.covariance(accel_covariance),
+            )
+        )
         assert repr(fast.magnetic(serialize_message(field))) == repr(slow.magnetic(field))
     assert (fast.slow, fast.malformed) == (0, 0)
 
@@ -125,7 +132,7 @@ def test_another_encoding_leaves_the_fast_lane_and_is_counted(tmp_path):
         found = getattr(fast, read)(data)
         expected = getattr(slow, read)(deserialize_message(data, kind))
         assert found[-2] == expected[-2], encoding
-        assert found.stamp == expected.stamp
+        assert found[0] == expected[0]  # the stamp
         assert (fast.slow, fast.malformed) == (before + 1, 0)
 
 

@@ -109,9 +109,9 @@ def twin(kernel: Callable[..., Any], names: dict[str, Any], qualname: str) -> Fu
     return other
 
 
-def run_steps(step: Callable[..., Any]) -> Callable[..., Any]:
+def run_steps(step: Callable[..., Any], fused: bool = False) -> Callable[..., Any]:
     """The loop of a filter's ``step(state, gains, gyro, accel, mag, dt)`` over a recording."""
-    return compiled(bind(_run, step=step), inline=True)
+    return compiled(bind(_run, step=step), inline=True, fused=fused)
 
 
 def step(*_: Any) -> Any:

@@ -21,7 +21,7 @@ from typing import NamedTuple
 from ..rotor import IDENTITY, Rotor, Vector, rotate, slightly
 from .gains import Gains, part_of_heading
 from .learning import Learned
-from .senses import LEVEL, LOW_PASS, UP, Felt, Senses, heard, says, usable
+from .senses import LEVEL, LOW_PASS, UP, WEAKEST, Senses, heard, says, usable
 from .spikes import ZERO, is_glitch
 
 NEARLY_UPRIGHT = 0.01  # square of the tangent of the angle to the vertical
@@ -41,23 +41,25 @@ def corrected(
     earth: Earth,
     gains: Gains,
     learned: Learned,
-    felt: Felt,
+    rate: Vector,
+    gyro_rejected: int,
     accel: Vector,
     mag: Vector,
     predicted: Rotor,
+    nudge: Vector,
     weight: float,
     elapsed: float,
     dt: float,
 ) -> tuple[Senses, Earth, bool, Rotor]:
     """Take a sample after the start: what the blend makes of ``predicted``, a unit rotor.
 
-    ``weight`` is α in this step, and ``elapsed`` the time since the start. Returns
+    ``weight`` is α in this step, ``nudge`` half a small turn (rad) besides, and ``elapsed`` the time
+    since the start. Returns
 
-    - what is remembered from now on, of the samples and in the (predicted) earth frame;
+    - what is remembered from now on, of the samples and in the earth frame;
     - whether this is the first heading, which is taken whole;
     - the turn of ``predicted``, about axes of the earth: a unit rotor but for the blend.
     """
-    _, rate, gyro_rejected = felt
     (
         _, last_mag, mag_age, started, heading_known, turned, sign_corrections, _, accel_rejected,
         mag_rejected,
@@ -80,8 +82,10 @@ def corrected(
         accel_rejected += 1
     mean = (north, west, up)
     change = IDENTITY
-    if usable(mean) if gains.low_pass else has_up:
-        change = uprighted(mean if gains.low_pass else (x, y, z), 1.0 - weight)
+    if gains.low_pass:
+        change = uprighted(mean, 1.0 - weight)
+    elif has_up:
+        change = uprighted((x, y, z), 1.0 - weight)
 
     first = False
     mag_age += dt
@@ -89,8 +93,8 @@ def corrected(
         fresh = heard(mag)
         if fresh:
             x, y, z = rotate(predicted, mag)
-            square = x * x + y * y
-            fresh = square > LEVEL * LEVEL * (square + z * z)  # else it is along gravity
+            level = x * x + y * y
+            fresh = level > LEVEL * LEVEL * (level + z * z)  # else it is along gravity
             if fresh and gains.despike:
                 fresh = not is_glitch((x, y, z), field, mag_age, dt)
         if not fresh:
@@ -99,26 +103,20 @@ def corrected(
             field = (x, y, z)
             last_mag = mag
             if gains.sources.use_mag:
-                first = not heading_known
-                part = 1.0
+                length = math.sqrt(level)
                 if heading_known:
                     span = max(dt, min(mag_age, gains.sources.mag_timeout))
                     part = part_of_heading(gains, learned, elapsed, span)
-                s = part / math.sqrt(square)
-                # Half of the way from the measured north, and half of the way that is left.
-                cosine, sine = 1.0 - 0.5 * (part - s * x), -0.5 * s * y
-                if first:
-                    heading_known = True
-                    change = about_vertical(cosine, sine)
+                    change = turned_north(change, x / length, y / length, part)
                 else:
-                    w, i, j, _ = change
-                    change = (
-                        cosine * w,
-                        cosine * i - sine * j,
-                        cosine * j + sine * i,
-                        sine * w,
-                    )
+                    first = heading_known = True
+                    change = turned_north(IDENTITY, x / length, y / length, 1.0)
             mag_age = 0.0
+    if not first:
+        w, i, j, k = change
+        change = (w, i + nudge[0], j + nudge[1], k + nudge[2])
+    if mag_age == 0.0:
+        field = slightly(change, field)
 
     was_turned = turned
     turned = -min(predicted) > max(predicted)  # the sign that a snapshot has of its own
@@ -136,23 +134,26 @@ def corrected(
         accel_rejected,
         mag_rejected,
     )
-    return now, Earth(mean, time, field), first, change
+    return now, Earth(slightly(change, mean), time, field), first, change
 
 
 def uprighted(up: Vector, part: float) -> Rotor:
-    """``1 − part + part δ``, where δ is the shortest turn from ``up`` to the vertical.
+    """``1 − part + part δ``, where δ is the shortest turn from ``up`` (m/s²) to the vertical; 1 if
+    ``up`` is too weak.
 
     Half the angle θ of δ, from tan θ = 2 √q: within 6° by series of sine and cosine, whose error is
     below 1e-6 of the angle. That saves two square roots, for which all else would have to wait.
     """
     x, y, z = up
     level = x * x + y * y
-    if z > 0.0 and level < NEARLY_UPRIGHT * z * z:
+    if z > WEAKEST and level < NEARLY_UPRIGHT * z * z:
         s = 0.5 / z
         q = s * s * level
         s *= part * (1.0 - q * (1.5 - 3.875 * q))
         return (1.0 - part * q * (0.5 - 1.375 * q), s * y, -s * x, 0.0)
     length = math.sqrt(level + z * z)
+    if not length > WEAKEST:
+        return IDENTITY
     z += length  # half way from it to the vertical
     if not z > UPSIDE_DOWN * length:
         x, y, z = 0.0, length, 0.0
@@ -160,15 +161,17 @@ def uprighted(up: Vector, part: float) -> Rotor:
     return (1.0 - part + s * z, s * y, -s * x, 0.0)
 
 
-def about_vertical(cosine: float, sine: float) -> Rotor:
-    """The unit rotor about the vertical from cosine and sine of half the angle, of any length."""
-    length = math.sqrt(cosine * cosine + sine * sine)
-    if length < 1e-6:  # the field is opposite
-        return (0.0, 0.0, 0.0, 1.0)
-    return (cosine / length, 0.0, 0.0, sine / length)
+def turned_north(change: Rotor, north: float, west: float, part: float) -> Rotor:
+    """``change``, and after it ``part`` of the turn from a measured, level, unit north to the north.
 
-
-def seen_after(earth: Earth, change: Rotor, fresh: bool) -> Earth:
-    """The same, after the earth frame was put right by ``change``."""
-    up, time, field = earth
-    return Earth(slightly(change, up), time, slightly(change, field) if fresh else field)
+    That is about the vertical, and between the rotors of no turn and of the whole one.
+    """
+    cosine, sine = 1.0 - 0.5 * part * (1.0 - north), -0.5 * part * west
+    square = cosine * cosine + sine * sine
+    if square < 1e-12:
+        cosine, sine = 0.0, 1.0  # it is opposite
+    elif part == 1.0:
+        s = 1.0 / math.sqrt(square)
+        cosine, sine = s * cosine, s * sine
+    w, x, y, _ = change
+    return (cosine * w, cosine * x - sine * y, cosine * y + sine * x, sine * w)

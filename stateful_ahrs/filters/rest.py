@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 
 import numpy as np
 
@@ -24,30 +23,37 @@ class RestWindow:
     """Keeps the rates of the last 2 s, so that a bias can be taken from them on request."""
 
     def __init__(self) -> None:
-        self._rates: deque[tuple[float, Vector]] = deque()
-        self._time = 0.0
+        self._rates: list[tuple[float, Vector]] = []  # with the step before each, s
+        self._most = 2 * SAMPLES
 
     def add(self, rate: Vector, dt: float) -> None:
         """Take raw rates (rad/s), ``dt`` s after the last; 0 or a value not finite forgets all."""
-        rates = self._rates
-        if dt <= 0.0 or not abs(rate[0]) + abs(rate[1]) + abs(rate[2]) < math.inf:
-            rates.clear()
-            self._time = 0.0
-            return
-        time = self._time = self._time + dt
-        rates.append((time, rate))
-        while rates[0][0] < time - WINDOW:
-            rates.popleft()
+        self._rates.append((dt, rate))
+        if len(self._rates) > self._most:  # seldom: what is older is looked for then
+            self._rates = self._last()
+            self._most = 2 * len(self._rates) + 2 * SAMPLES
+
+    def _last(self) -> list[tuple[float, Vector]]:
+        """Of the rates those of the last `WINDOW`, all good."""
+        time = 0.0
+        start = len(self._rates)
+        for dt, rate in reversed(self._rates):
+            if time > WINDOW or not (dt > 0.0 and math.isfinite(sum(rate))):
+                break
+            time += dt
+            start -= 1
+        return self._rates[start:]
 
     def bias(self) -> Vector:
         """The mean rate (rad/s) if the sensor rested; `MovedError` if it did not."""
-        span = self._rates[-1][0] - self._rates[0][0] if self._rates else 0.0
-        if span < 0.9 * WINDOW or len(self._rates) < SAMPLES:
+        last = self._last()
+        span = sum(dt for dt, _ in last[1:])
+        if span < 0.9 * WINDOW or len(last) < SAMPLES:
             raise MovedError(
-                f"{span:.1f} s of gyroscope samples so far ({len(self._rates)}); "
+                f"{span:.1f} s of gyroscope samples so far ({len(last)}); "
                 f"keep the sensor still for {WINDOW:g} s and call again."
             )
-        rates = np.array([rate for _, rate in self._rates])
+        rates = np.array([rate for _, rate in last])
         mean = rates.mean(axis=0)
         spread = float(np.sqrt(((rates - mean) ** 2).sum(axis=1).mean()))
         if spread > STILL or float(np.abs(mean).max()) > LARGEST:

@@ -48,8 +48,8 @@ from ..rotor import (
     rotate,
     unit,
 )
-from .compiled import bind, compiled
-from .correction import Earth, corrected, seen_after
+from .compiled import bind, compiled, run_steps
+from .correction import Earth, corrected
 from .gains import (
     AVERAGED,
     NO_PACE,
@@ -200,24 +200,24 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
     starts = dt <= 0.0 or not last.started
     if average_start and elapsed < AVERAGED and not starts:
         weight = at_start(gains, weight, elapsed, dt)
-    felt = (turn, rate, gyro_rejected)
     elapsed += dt
     begins = False
     if turns and not starts:
         if not normalise:
             predicted = unit(predicted)
-        senses, earth, begins, change = corrected(
-            last, earth, gains, learned, felt, accel, mag, predicted, weight, elapsed, dt
-        )
-        if learns and past.time < WINDOW and alpha < 1.0 and not begins:
+        nudge = ZERO
+        if learns and past.time < WINDOW and alpha < 1.0:
             x, y, z = learned.drift  # what the slow room found out of the past
             half = 0.5 * dt
-            w, i, j, k = change
-            change = (w, i + half * x, j + half * y, k + half * z)
-        earth = seen_after(earth, change, senses.mag_age == 0.0)
+            nudge = (half * x, half * y, half * z)
+        senses, earth, begins, change = corrected(
+            last, earth, gains, learned, rate, gyro_rejected, accel, mag, predicted, nudge,
+            weight, elapsed, dt,
+        )  # fmt: skip
         rotor = product(change, predicted)
     else:
         change = IDENTITY
+        felt = (turn, rate, gyro_rejected)
         senses, found, _, begins, rotor = look(last, sources, felt, accel, mag, predicted, dt)
         if begins:
             if starts:
@@ -366,13 +366,19 @@ def runner() -> Callable[..., Any]:
     )
 
 
+def uncorrected(senses: Senses, earth: Earth, *_: object) -> tuple[Senses, Earth, bool, Rotor]:
+    """Stands for `corrected` where it is never called: with it compiled in, all else is slower."""
+    return senses, earth, False, IDENTITY
+
+
+PLAIN = bind(step, corrected=uncorrected)  # as `step` if the gains have no ``turns``
 STATEFUL = Kernel(step, State(), gains)
-PRINTED = Kernel(bind(step, predict=predict_as_printed), State(), gains)
+PRINTED = Kernel(bind(PLAIN, predict=predict_as_printed), State(), gains)
 
 
 def over(snapshot: Callable[..., Any]) -> Kernel:
     """The filter over another snapshot than the direct one (eq. 5–10)."""
-    return Kernel(bind(step, look=bind(look, snapshot=snapshot)), State(), gains)
+    return Kernel(bind(PLAIN, look=bind(look, snapshot=snapshot)), State(), gains)
 
 
 @dataclass(frozen=True)
@@ -429,17 +435,12 @@ class StatefulFilter(KernelFilter):
         rotors = np.empty((len(samples), 4))
         self._state = STATEFUL.start
         self.reset()
+        sensors = samples.gyro, samples.accel, samples.mag, steps(samples.stamps)
+        if not self._gains.turns:
+            self._state = run_steps(PLAIN, fused=True)(self._state, self._gains, *sensors, rotors)
+            return rotors
         arrays: Any = Memory(*map(np.array, self._memory))
-        self._state = runner()(
-            self._state,
-            arrays,
-            self._gains,
-            samples.gyro,
-            samples.accel,
-            samples.mag,
-            steps(samples.stamps),
-            rotors,
-        )
+        self._state = runner()(self._state, arrays, self._gains, *sensors, rotors)
         self._memory = Memory(*(part.tolist() for part in arrays))
         return rotors
 

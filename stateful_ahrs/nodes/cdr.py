@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Sequence
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, NamedTuple
 
 from ..errors import RecordingError
@@ -20,26 +20,22 @@ ENCAPSULATION = b"\x00\x01"  # plain CDR, little-endian; two bytes of options fo
 PLAIN = ENCAPSULATION + b"\x00\x00"
 NONE: Vector = (math.nan, math.nan, math.nan)
 
-HEAD = struct.Struct("<2s2xiII")  # encapsulation, stamp, length of the frame's name and its NUL
-NAME = 12  # where that length begins
+NAME = 12  # where the length of the frame's name begins: behind encapsulation and stamp
 STAMPED = struct.Struct("<4siI")
-IMU = struct.Struct("<104x3d72s3d72s")  # behind the orientation
-FIELD = struct.Struct("<3dd64x")
+HEAD = "<2s2xiI"
+IMU = "104x3d72s3d72s"  # behind the frame; the orientation is passed over
+FIELD = "3dd64x"
+LENGTHS = 64  # of frames' names, that are remembered
 VECTOR, COVARIANCE = (struct.Struct(f"<{n}d") for n in (3, 9))
 NUMBER = struct.Struct("<4sd")
 UNREPORTED = struct.pack("<d", -1.0)  # begins a covariance (REP-145)
 SECOND = 1_000_000_000  # ns
 
 
-class Inertial(NamedTuple):
-    """A sensor_msgs/Imu without its orientation; NaN for what is not reported (REP-145)."""
-
-    stamp: int  # ns
-    frame: Any
-    gyro: Vector  # rad/s
-    gyro_covariance: Any
-    accel: Vector  # m/s²
-    accel_covariance: Any
+# A sensor_msgs/Imu without its orientation: stamp (ns), frame, rates (rad/s) and their covariance,
+# specific force (m/s²) and its covariance; NaN for what is not reported (REP-145). A tuple without
+# names: it is made for each sample.
+Inertial = tuple[int, Any, Vector, Any, Vector, Any]
 
 
 class Magnetic(NamedTuple):
@@ -55,14 +51,17 @@ class ForeignError(RecordingError):
 
 def inertial(data: bytes) -> Inertial:
     """Read a sensor_msgs/Imu; `ForeignError` if it is not understood."""
-    stamp, start = _head(data)
     try:
-        gx, gy, gz, gyro_covariance, ax, ay, az, accel_covariance = IMU.unpack_from(data, start)
+        kind, sec, nanosec, frame, gx, gy, gz, gyro_covariance, ax, ay, az, accel_covariance = (
+            _stamped(data[NAME : NAME + 4], IMU).unpack_from(data)
+        )
     except struct.error:
         raise ForeignError from None
-    return Inertial(
-        stamp,
-        data[NAME:start],
+    if kind != ENCAPSULATION:
+        raise ForeignError
+    return (
+        sec * SECOND + nanosec,
+        frame,
         NONE if gyro_covariance.startswith(UNREPORTED) else (gx, gy, gz),
         gyro_covariance,
         NONE if accel_covariance.startswith(UNREPORTED) else (ax, ay, az),
@@ -72,12 +71,23 @@ def inertial(data: bytes) -> Inertial:
 
 def magnetic(data: bytes) -> Magnetic:
     """Read a sensor_msgs/MagneticField; `ForeignError` if it is not understood."""
-    stamp, start = _head(data)
     try:
-        x, y, z, variance = FIELD.unpack_from(data, start)
+        kind, sec, nanosec, _, x, y, z, variance = _stamped(
+            data[NAME : NAME + 4], FIELD
+        ).unpack_from(data)
     except struct.error:
         raise ForeignError from None
-    return Magnetic(stamp, NONE if variance == -1.0 else (x, y, z))
+    if kind != ENCAPSULATION:
+        raise ForeignError
+    return Magnetic(sec * SECOND + nanosec, NONE if variance == -1.0 else (x, y, z))
+
+
+@lru_cache(LENGTHS)
+def _stamped(length: bytes, behind: str) -> struct.Struct:
+    """A message with a header whose frame has a name of this length (with its NUL)."""
+    # CDR aligns from behind the encapsulation, and the name ends at 12 + length from there.
+    start = 4 + (NAME + int.from_bytes(length, "little") + 7 & -8)
+    return struct.Struct(f"{HEAD}{start - NAME}s{behind}")
 
 
 def imu(
@@ -144,15 +154,3 @@ def name(frame: bytes) -> str:
 def covariance(values: Sequence[float]) -> bytes:
     """The bytes of a 3 × 3 covariance, row-major."""
     return COVARIANCE.pack(*values)
-
-
-def _head(data: bytes) -> tuple[int, int]:
-    """The stamp in ns, and where the doubles start."""
-    try:
-        encapsulation, sec, nanosec, length = HEAD.unpack_from(data)
-    except struct.error:
-        raise ForeignError from None
-    if encapsulation != ENCAPSULATION:
-        raise ForeignError
-    # CDR aligns from behind the encapsulation, and the name ends at 12 + length from there.
-    return sec * SECOND + nanosec, 4 + (NAME + length + 7 & -8)

@@ -132,10 +132,11 @@ class Fusion(Node):
         self._reported = self._filter.report
         self._mag_empty = self._mag_unstamped = self._lost = 0
 
-        self._imu_out = qos.advertise(self, Imu, "imu/data")
-        self._axis_out = qos.advertise(self, Vector3Stamped, "imu/axis")
-        self._angle_out = qos.advertise(self, Float64, "imu/angle")
-        self._rpy_out = qos.advertise(self, Vector3Stamped, "imu/rpy")
+        raw = self._lane.raw
+        self._imu_out = qos.advertise(self, Imu, "imu/data", raw=raw)
+        self._axis_out = qos.advertise(self, Vector3Stamped, "imu/axis", raw=raw)
+        self._angle_out = qos.advertise(self, Float64, "imu/angle", raw=raw)
+        self._rpy_out = qos.advertise(self, Vector3Stamped, "imu/rpy", raw=raw)
         self._broadcaster = self._transform_broadcaster() if values["publish_tf"] else None
         self._mag_in = self._subscribe(MagneticField, "imu/mag", self._on_mag)
         self._imu_in = self._subscribe(Imu, "imu/data_raw", self._on_imu)
@@ -211,28 +212,29 @@ class Fusion(Node):
         sample = self._lane.inertial(message)
         if sample is None:
             return
-        stamp = sample.stamp
-        dt = self._gate.step(stamp, self._now() if stamp == 0 else 0)
-        if self._gate.news:
-            self._once.warn(*self._gate.news)
+        stamp, _, gyro, _, accel, _ = sample
+        gate = self._gate
+        dt = gate.step(stamp, self._now() if stamp == 0 else 0)
+        if gate.news:
+            self._once.warn(*gate.news)
         if dt is None:
             return
-        stamp = self._gate.last
+        stamp = gate.last
         if dt == 0.0:
             self._pairing.restart(stamp)
-        self._rest.add(sample.gyro, dt)
-        gyro = rotor.minus(sample.gyro, self._bias)
+        self._rest.add(gyro, dt)
+        gyro = rotor.minus(gyro, self._bias)
         mag = self._pairing.take(stamp)
         if mag is not None:
             self._filter.update_mag(mag)
-        attitude = self._filter.update_imu(gyro, sample.accel, dt)
+        attitude = self._filter.update_imu(gyro, accel, dt)
         started = self._filter.started
         if started:
             self._orientation = self._world.update(attitude)
         if self._imu_out.wanted:
             self._publish(sample, stamp, rotor.minus(gyro, self._filter.bias), started)
         if started:
-            self._publish_derived(sample, stamp)
+            self._publish_derived(sample[1], stamp)
 
     def _on_mag(self, message: Any) -> None:
         self._mag_count += 1
@@ -268,8 +270,7 @@ class Fusion(Node):
     def _publish(self, sample: Inertial, stamp: int, gyro: Vector, started: bool) -> None:
         """Publish imu/data: the sample, its rates less the bias, with the orientation."""
         covariance = self._orientation_covariance() if started else self._unknown
-        accel = sample.accel
-        gyro_covariance, accel_covariance = sample.gyro_covariance, sample.accel_covariance
+        _, frame, _, gyro_covariance, accel, accel_covariance = sample
         if not messages.finite(gyro):
             gyro, gyro_covariance = ZERO, self._unknown
         if not messages.finite(accel):
@@ -277,7 +278,7 @@ class Fusion(Node):
         self._imu_out.publish(
             self._lane.imu(
                 stamp,
-                sample.frame,
+                frame,
                 self._orientation if started else rotor.IDENTITY,
                 covariance,
                 gyro,
@@ -287,21 +288,21 @@ class Fusion(Node):
             )
         )
 
-    def _publish_derived(self, sample: Inertial, stamp: int) -> None:
+    def _publish_derived(self, frame: Any, stamp: int) -> None:
         """Publish what is computed from the orientation only while someone listens."""
         axis_wanted, angle_wanted = self._axis_out.wanted, self._angle_out.wanted
         self._turn.update(self._orientation, coarse=not (axis_wanted or angle_wanted))
         if axis_wanted:
-            self._axis_out.publish(self._lane.vector(stamp, sample.frame, self._turn.axis))
+            self._axis_out.publish(self._lane.vector(stamp, frame, self._turn.axis))
         if angle_wanted:
             self._angle_out.publish(self._lane.number(self._turn.angle))
         if self._rpy_out.wanted:
             rpy = rotor.euler(self._orientation)
-            self._rpy_out.publish(self._lane.vector(stamp, sample.frame, rpy))
+            self._rpy_out.publish(self._lane.vector(stamp, frame, rpy))
         if self._broadcaster is not None:
             transform = TransformStamped(
                 header=messages.header(stamp, self._chosen["tf_parent"]),
-                child_frame_id=self._lane.name(sample.frame),
+                child_frame_id=self._lane.name(frame),
             )
             transform.transform.rotation = messages.quaternion_message(self._orientation)
             self._broadcaster.sendTransform(transform)

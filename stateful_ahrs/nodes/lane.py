@@ -32,7 +32,7 @@ class Lane:
 
     def inertial(self, message: Any) -> Inertial | None:
         """Read a sensor_msgs/Imu; None if it is malformed."""
-        return Inertial(
+        return (
             messages.nanoseconds(message.header.stamp),
             message.header.frame_id,
             *messages.reported(message.angular_velocity, message.angular_velocity_covariance),

@@ -27,9 +27,11 @@ class Output:
     """A publisher that is ``wanted`` while someone listens.
 
     The middleware tells when that changes: to ask it at each sample costs half of publishing.
+    ``raw``: it is given the bytes of each message, on the thread that destroys the node, and so
+    past what rclpy does to be safe of others.
     """
 
-    def __init__(self, node: Node, kind: type, topic: str) -> None:
+    def __init__(self, node: Node, kind: type, topic: str, raw: bool) -> None:
         self.wanted = False
         publisher = node.create_publisher(
             kind,
@@ -39,16 +41,16 @@ class Output:
             qos_overriding_options=OVERRIDABLE,
         )
         self.topic_name = publisher.topic_name
-        self.publish = publisher.publish
+        self.publish = publisher.handle.publish_raw if raw else publisher.publish
 
     def _on_matched(self, event: Any) -> None:
         self.wanted = event.current_count > 0
 
 
-def advertise(node: Node, kind: type, topic: str) -> Output:
+def advertise(node: Node, kind: type, topic: str, raw: bool = False) -> Output:
     """A publisher of the node; `UsageError` if its QoS was overridden with what is none."""
     with _refused(node, topic):
-        return Output(node, kind, topic)
+        return Output(node, kind, topic, raw)
 
 
 def subscribe(
