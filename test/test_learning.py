@@ -387,6 +387,13 @@ def test_an_amendment_after_a_reset_is_nothing(learning):
 # α
 
 
+def test_of_clean_samples_none_is_rejected(learning):
+    samples, _ = recording(10.0)
+    learning.run(samples)
+    report = learning.report
+    assert (report.gyro_rejected, report.accel_rejected, report.mag_rejected) == (0, 0, 0)
+
+
 def test_alpha_one_is_the_gyroscope_alone_once_started():
     samples, truth = recording(7.0)
     samples.accel[500:], samples.mag[500:] = (0.0, 5.0, 5.0), (1.0, 1.0, 1.0)

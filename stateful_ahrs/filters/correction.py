@@ -16,10 +16,9 @@ In the earth frame gravity stands still and motion averages out, so up may be lo
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 from ..rotor import IDENTITY, Rotor, Vector, rotate, slightly
-from .gains import Gains, part_of_heading
+from .gains import Gains, Pace, part_of_heading
 from .learning import Learned
 from .senses import LEVEL, LOW_PASS, UP, WEAKEST, Senses, heard, says, usable
 from .spikes import ZERO, is_glitch
@@ -28,12 +27,10 @@ NEARLY_UPRIGHT = 0.01  # square of the tangent of the angle to the vertical
 UPSIDE_DOWN = 1e-3  # less than this of up above the opposite of the vertical tells no axis
 
 
-class Earth(NamedTuple):
-    """What stands still in the earth frame."""
-
-    up: Vector = UP  # mean specific force, m/s²
-    time: float = 0.0  # s that went into it, at most `LOW_PASS`
-    field: Vector = ZERO  # the last magnetic field
+# What stands still in the earth frame: mean specific force (m/s²), the time that went into it (s,
+# at most `LOW_PASS`), the last magnetic field. Without names, because one is made for each sample.
+Earth = tuple[Vector, float, Vector]
+NO_EARTH: Earth = (UP, 0.0, ZERO)
 
 
 def corrected(
@@ -47,14 +44,15 @@ def corrected(
     mag: Vector,
     predicted: Rotor,
     nudge: Vector,
+    pace: Pace,
     weight: float,
     elapsed: float,
     dt: float,
 ) -> tuple[Senses, Earth, bool, Rotor]:
     """Take a sample after the start: what the blend makes of ``predicted``, a unit rotor.
 
-    ``weight`` is α in this step, ``nudge`` half a small turn (rad) besides, and ``elapsed`` the time
-    since the start. Returns
+    ``weight`` is α in this step, ``nudge`` half of a small turn (rad) besides, and ``elapsed`` the
+    time since the start. Returns
 
     - what is remembered from now on, of the samples and in the earth frame;
     - whether this is the first heading, which is taken whole;
@@ -106,7 +104,7 @@ def corrected(
                 length = math.sqrt(level)
                 if heading_known:
                     span = max(dt, min(mag_age, gains.sources.mag_timeout))
-                    part = part_of_heading(gains, learned, elapsed, span)
+                    part = part_of_heading(gains, learned, pace, elapsed, span)
                     change = turned_north(change, x / length, y / length, part)
                 else:
                     first = heading_known = True
@@ -119,7 +117,8 @@ def corrected(
         field = slightly(change, field)
 
     was_turned = turned
-    turned = -min(predicted) > max(predicted)  # the sign that a snapshot has of its own
+    w = predicted[0]  # whose sign a snapshot has of its own, if it is the largest
+    turned = w < 0.0 if w * w > 0.5 else -min(predicted) > max(predicted)
     if turned != was_turned:
         sign_corrections += 1
     now = Senses(
@@ -134,7 +133,7 @@ def corrected(
         accel_rejected,
         mag_rejected,
     )
-    return now, Earth(slightly(change, mean), time, field), first, change
+    return now, (slightly(change, mean), time, field), first, change
 
 
 def uprighted(up: Vector, part: float) -> Rotor:
@@ -162,7 +161,7 @@ def uprighted(up: Vector, part: float) -> Rotor:
 
 
 def turned_north(change: Rotor, north: float, west: float, part: float) -> Rotor:
-    """``change``, and after it ``part`` of the turn from a measured, level, unit north to the north.
+    """``change``, and after it ``part`` of the turn from a measured, level, unit north to the true.
 
     That is about the vertical, and between the rotors of no turn and of the whole one.
     """

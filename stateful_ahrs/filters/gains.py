@@ -37,6 +37,7 @@ class Pace(NamedTuple):
 
     span: float = -1.0  # s, of the step
     weight: float = 0.0  # that α leaves to the gyroscope path in it
+    rate: float = 0.0  # 1/s, at which the rest is taken
 
 
 NO_PACE = Pace()
@@ -74,7 +75,8 @@ def weight_of_gyro(alpha: float, alpha_rate: float, span: float) -> float:
 
 def paced(gains: Gains, dt: float) -> Pace:
     """What α makes of a step of ``dt`` s."""
-    return Pace(dt, weight_of_gyro(gains.alpha, gains.alpha_rate, dt))
+    weight = weight_of_gyro(gains.alpha, gains.alpha_rate, dt)
+    return Pace(dt, weight, (1.0 - weight) / dt if dt > 0.0 else 0.0)
 
 
 def at_start(gains: Gains, weight: float, elapsed: float, dt: float) -> float:
@@ -86,18 +88,21 @@ def at_start(gains: Gains, weight: float, elapsed: float, dt: float) -> float:
     return weight
 
 
-def part_of_heading(gains: Gains, learned: Learned, elapsed: float, span: float) -> float:
-    """How much of the way to the measured north heading goes, ``span`` s after the last one."""
+def part_of_heading(
+    gains: Gains, learned: Learned, pace: Pace, elapsed: float, span: float
+) -> float:
+    """How much of the way to the measured north heading goes, ``span`` s after the last one.
+
+    Left to itself, heading is never corrected faster than tilt.
+    """
+    if gains.average_start and elapsed < START_LOW_PASSED:
+        if gains.low_pass:
+            return min(1.0, NEWER * span / elapsed)
+        if elapsed < START:
+            return min(1.0, span / elapsed)
     if gains.alpha_heading >= 0.0:
         kept = weight_of_gyro(gains.alpha_heading, gains.alpha_rate, span)
-        part = learned.trust * (1.0 - kept)
-    elif gains.chosen.weigh:
-        part = min(1.0, learned.heading_rate * span)
-    else:
-        part = 1.0 - weight_of_gyro(gains.alpha, gains.alpha_rate, span)
-    if gains.average_start and elapsed < AVERAGED:
-        if gains.low_pass and elapsed < START_LOW_PASSED:
-            part = min(1.0, NEWER * span / elapsed)
-        elif elapsed < START:
-            part = max(part, span / elapsed)
-    return part
+        return learned.trust * (1.0 - kept)
+    if gains.chosen.weigh:
+        return min(1.0, span * min(learned.heading_rate, pace.rate))
+    return 1.0 - weight_of_gyro(gains.alpha, gains.alpha_rate, span)

@@ -9,7 +9,6 @@ filter is the paper's.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 from ..rotor import Rotor, Vector, carried, conjugate, from_rate, minus, product, total
 from .senses import STRONGEST, usable
@@ -22,13 +21,11 @@ STAYS = 0.25  # s
 SHORT = 0.03  # s: in longer steps a motion may well turn and turn back
 
 
-class Seen(NamedTuple):
-    """What is remembered for it, beside the last good rate."""
-
-    rate_before: Vector = ZERO  # rad/s, before the last
-    span: float = 0.0  # s that the last rate turned for
-    force: Vector = ZERO  # the last, m/s²
-    force_before: Vector = ZERO
+# What is remembered for it, beside the last good rate: the rate before it (rad/s), the time that
+# the last one turned for (s), the last force and the one before (m/s²). Without names, because one
+# is made for each sample.
+Seen = tuple[Vector, float, Vector, Vector]
+UNSEEN: Seen = (ZERO, 0.0, ZERO, ZERO)
 
 
 def is_far(u: Vector, v: Vector, jump: float) -> bool:
@@ -41,17 +38,19 @@ def is_far(u: Vector, v: Vector, jump: float) -> bool:
 
 def way_back(last: Vector, seen: Seen, rate: Vector) -> Rotor:
     """What takes back the last turn if its rate (rad/s) was none; else the identity."""
-    x, y, z = to_neighbours(last, seen.rate_before, rate, JUMP_OF_RATE)
+    before, span, _, _ = seen
+    x, y, z = to_neighbours(last, before, rate, JUMP_OF_RATE)
     u, v, w = last
-    meant = from_rate((u + x, v + y, w + z), seen.span)
-    return product(conjugate(from_rate(last, seen.span)), meant)
+    meant = from_rate((u + x, v + y, w + z), span)
+    return product(conjugate(from_rate(last, span)), meant)
 
 
 def put_right(seen: Seen, turn: Rotor, accel: Vector) -> Vector:
     """The force that undoes in a low-pass, which is linear, what the last did if it was none."""
-    if not usable(seen.force):
+    _, _, force, before = seen
+    if not usable(force):
         return accel
-    knock = to_neighbours(seen.force, seen.force_before, accel, JUMP_OF_FORCE)
+    knock = to_neighbours(force, before, accel, JUMP_OF_FORCE)
     if square(knock) == 0.0:
         return accel
     x, y, z = total(accel, carried(turn, knock))

@@ -49,7 +49,7 @@ from ..rotor import (
     unit,
 )
 from .compiled import bind, compiled, run_steps
-from .correction import Earth, corrected
+from .correction import NO_EARTH, Earth, corrected
 from .gains import (
     AVERAGED,
     NO_PACE,
@@ -91,6 +91,7 @@ from .spikes import (
     JUMP_OF_FORCE,
     JUMP_OF_RATE,
     SHORT,
+    UNSEEN,
     ZERO,
     Seen,
     is_far,
@@ -129,8 +130,8 @@ class State(NamedTuple):
     learned: Learned = Learned()
     room: Room = Room()
     past: Past = Past()
-    seen: Seen = Seen()
-    earth: Earth = Earth()
+    seen: Seen = UNSEEN
+    earth: Earth = NO_EARTH
 
 
 def predict(rotor: Rotor, turn: Rotor) -> Rotor:
@@ -190,9 +191,9 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
         if 0.0 < dt < SHORT:
             if is_far(rate, last.rate, JUMP_OF_RATE):
                 turn = product(way_back(last.rate, seen, rate), turn)
-            if low_pass and is_far(accel, seen.force, JUMP_OF_FORCE):
+            if low_pass and is_far(accel, seen[2], JUMP_OF_FORCE):
                 accel = put_right(seen, turn, accel)
-        seen = Seen(last.rate, dt, force, seen.force)
+        seen = (last.rate, dt, force, seen[2])
     predicted = predict(rotor, turn)
     if dt != pace.span:
         pace = paced(gains, dt)
@@ -212,7 +213,7 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
             nudge = (half * x, half * y, half * z)
         senses, earth, begins, change = corrected(
             last, earth, gains, learned, rate, gyro_rejected, accel, mag, predicted, nudge,
-            weight, elapsed, dt,
+            pace, weight, elapsed, dt,
         )  # fmt: skip
         rotor = product(change, predicted)
     else:
@@ -223,7 +224,7 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
             if starts:
                 elapsed = 0.0
                 if turns:
-                    earth = Earth(rotate(rotor, accel), 0.0, ZERO)
+                    earth = (rotate(rotor, accel), 0.0, rotate(rotor, senses.mag))
         elif found:
             if senses.turned and not stateful:
                 rotor = negative(rotor)
@@ -285,7 +286,7 @@ def note(log: Floats, state: State, accel: Vector, mag: Vector, row_time: float)
     at = COLUMNS * (state.past.rows - 1)
     log[at], log[at + 1], log[at + 2], log[at + 3] = unit(state.predicted)
     log[at + 4], log[at + 5], log[at + 6] = senses.rate
-    force = accel if usable(accel) else carried(unit(state.predicted), state.earth.up)
+    force = accel if usable(accel) else carried(unit(state.predicted), state.earth[0])
     log[at + 7], log[at + 8], log[at + 9] = force
     log[at + 10], log[at + 11], log[at + 12] = mag
     log[at + 13] = row_time
@@ -298,7 +299,7 @@ def look_back(state: State, memory: Memory, gains: Gains) -> State:
     room, learned, past = state.room, state.learned, state.past
     if past.rows > 0:
         pace = paced(gains, past.step)
-        tilt_rate = (1.0 - pace.weight) / past.step
+        tilt_rate = pace.rate
         heading_rate = -1.0
         if gains.alpha_heading >= 0.0:
             kept = weight_of_gyro(gains.alpha_heading, gains.alpha_rate, past.step)
@@ -308,7 +309,7 @@ def look_back(state: State, memory: Memory, gains: Gains) -> State:
         starting = gains.average_start and state.elapsed < START_LOW_PASSED
         window = Window(
             past.rows,
-            state.earth.up,
+            state.earth[0],
             past.applied,
             tilt_rate,
             heading_rate,
