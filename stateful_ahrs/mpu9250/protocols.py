@@ -47,9 +47,15 @@ class Counter:
         self._last: int | None = None
 
     def missed(self, number: int) -> int:
-        """How many numbers were left out before this one; 0 for the first."""
+        """How many numbers were left out before this one; 0 for the first.
+
+        A step back, or to 0 out of turn, is that of a device that started anew: no gap.
+        """
         last, self._last = self._last, number
-        return 0 if last is None else (number - last - 1) % self._modulus
+        if last is None or number == 0:
+            return 0
+        missed = (number - last - 1) % self._modulus
+        return missed if missed < self._modulus // 2 else 0
 
     def restart(self) -> None:
         """Take the next number as the first."""
