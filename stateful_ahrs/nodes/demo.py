@@ -27,6 +27,7 @@ from ..evaluation.live import Tally
 from ..recordings.playback import open_bag
 from ..recordings.wire import QUATERNION
 from ..rotor import Rotor, Vector
+from ..words import counted
 from . import messages, qos
 from .children import Children, own_domain
 from .demo_view import View, turns
@@ -241,7 +242,7 @@ class Demo:
         elif not listener.in_effect:
             faults.append(f"alpha {NEW_ALPHA} was accepted but is not in effect")
         if tally.sign_flips:
-            faults.append(f"the orientation changed its sign {tally.sign_flips} times")
+            faults.append(f"the orientation changed its sign {counted(tally.sign_flips, 'time')}")
         if simulated and not error < HIGHEST_ERROR:
             faults.append(f"the final error is {error:.2f}°, expected below {HIGHEST_ERROR}°")
         if faults:

@@ -25,6 +25,7 @@ from ..filters.settings import NOTHING, Known
 from ..filters.stamps import StampGate
 from ..mpu9250 import calibration_file
 from ..rotor import Rotor, Vector
+from ..words import counted
 from . import lane, life, messages, qos
 from .cdr import Inertial
 from .diagnostics import ERROR, OK, WARN, Diagnostics, Once, Status
@@ -414,7 +415,8 @@ class Fusion(Node):
             return ERROR, "No usable accelerometer sample yet: orientation unknown.", values
         for sensor, count in rejected.items():
             if 2 * count > samples > 0:
-                return WARN, f"{count} of the last {samples} {sensor} samples are useless.", values
+                last = counted(samples, f"{sensor} sample")
+                return WARN, f"Of the last {last}, {count} cannot be used.", values
         if not settings.use_mag:
             return OK, "Six axes by choice: heading follows the gyroscope.", values
         if mag_age > SILENT:
@@ -429,7 +431,7 @@ class Fusion(Node):
     def _silence(self, topic: str, age: float) -> str:
         publishers = self.count_publishers(topic)
         since = "yet" if math.isinf(age) else f"for {age:.0f} s"
-        return f"No sample on {topic} {since} ({publishers} publishers)."
+        return f"No sample on {topic} {since} ({counted(publishers, 'publisher')})."
 
 
 def main() -> None:

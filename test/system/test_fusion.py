@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import signal
 import struct
 from pathlib import Path
@@ -288,7 +289,8 @@ def test_a_sensor_that_gives_nothing_usable_is_a_warning(graph, sensor, sample, 
 
     def told():
         sensor.send(START + sensor.sent * PERIOD, **sample)
-        return f"{name} samples are useless." in status(diagnostics, "fusion")[1]
+        sentence = status(diagnostics, "fusion")[1]
+        return re.fullmatch(rf"Of the last \d+ {name} samples, \d+ cannot be used\.", sentence)
 
     until(told, "the warning")
     assert status(diagnostics, "fusion")[0] == b"\x01"
