@@ -18,6 +18,7 @@ from std_srvs.srv import Trigger
 
 from .. import filters, rotor
 from ..errors import AhrsError, UsageError
+from ..filters.certainty import stddevs
 from ..filters.frames import WorldFrame
 from ..filters.pairing import Pairing
 from ..filters.rest import MovedError, RestWindow
@@ -32,8 +33,6 @@ from .diagnostics import ERROR, OK, WARN, Diagnostics, Once, Status
 from .parameters import Parameters, Spec
 
 ZERO: Vector = (0.0, 0.0, 0.0)
-NO_NORTH = math.pi  # rad: the standard deviation of a yaw that no magnetometer has told
-USUAL_STDDEV = 0.03  # rad: of a filter that has no word on it
 REPORTED = len(fields(filters.Report))  # what follows in a report is the filter's own
 SILENT = 1.0  # s without a sample before /diagnostics says so
 
@@ -177,19 +176,15 @@ class Fusion(Node):
     def _apply(self, values: dict[str, Any]) -> None:
         """Take new values from the next sample on."""
         self._filter.settings = self._settings(values)
-        self._fixed_stddev = values["orientation_stddev"]
+        self._chosen_stddev = values["orientation_stddev"]
         self._covariance_of: tuple[float, float] | None = None
 
     def _orientation_covariance(self) -> Any:
         """About the axes of the earth frame: x and y are tilt, z is heading."""
-        stddev = self._filter.stddev
-        if self._fixed_stddev >= 0.0 or stddev is None:
-            tilt = self._fixed_stddev if self._fixed_stddev >= 0.0 else USUAL_STDDEV
-            stddev = (tilt, tilt if self._filter.heading_known else NO_NORTH)
+        stddev = stddevs(self._filter.stddev, self._filter.heading_known, self._chosen_stddev)
         if stddev != self._covariance_of:
             self._covariance_of = stddev
-            found = messages.about_the_vertical(stddev[0], min(stddev[1], NO_NORTH))
-            self._covariance = self._lane.covariance(found)
+            self._covariance = self._lane.covariance(messages.about_the_vertical(*stddev))
         return self._covariance
 
     def _load(self, path: str) -> Known:
