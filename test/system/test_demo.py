@@ -7,12 +7,16 @@ import re
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from graph import until
 
 pytest.importorskip("rosbags", reason="bags need rosbags: pip install 'stateful_ahrs[bags]'")
+
+from stateful_ahrs.recordings import load
+from stateful_ahrs.recordings.write import write
 
 BAGS = Path(__file__).parents[1] / "bags"
 
@@ -73,6 +77,28 @@ def test_of_a_bag_every_sample_is_used_and_its_end_ends_the_demo():
     assert (code, err) == (0, "")
     assert "100 of the bag's 100 reached fusion" in out
     assert number(r"final error +([\d.]+)° against the bag's ground truth", out) < 1.5
+
+
+@pytest.mark.parametrize(
+    ("first", "moved", "duration", "reason"),
+    [
+        (949, 0, "1", "no ground truth came before the end"),  # it is 9.5 s late
+        (900, 1, "30", "no orientation has the stamp of any of 50 ground truths"),
+        (950, 0, "1", "the bag has no topic ground_truth"),
+    ],
+)
+def test_an_error_that_cannot_be_told_is_said_with_the_reason(
+    tmp_path: Path, first: int, moved: int, duration: str, reason: str
+):
+    whole = load(BAGS / "turns")
+    known = whole.reference[first:]
+    stamps = whole.reference_stamps[first:] + moved
+    reference = {"reference": known, "reference_stamps": stamps} if len(known) else {}
+    rest = {"reference": None, "reference_stamps": None, "reference_received": None}
+    write(replace(whole, movement=None, **{**rest, **reference}), tmp_path / "bag")
+    code, out, err = Demo("--duration", duration, "--bag", str(tmp_path / "bag")).wait()
+    assert (code, err) == (0, "")
+    assert re.search(rf"^final error +unknown: {reason}$", out, re.MULTILINE)
 
 
 @pytest.mark.parametrize("by", [signal.SIGINT, signal.SIGTERM])
