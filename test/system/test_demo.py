@@ -115,6 +115,19 @@ def test_no_process_outlives_the_demo(by: signal.Signals):
     assert not any(map(is_alive, children))
 
 
+def test_no_process_outlives_a_demo_that_is_killed():
+    demo = Demo("--duration", "60")
+    until(lambda: len(demo.children()) == 2, "driver and fusion")
+    children = demo.children()
+    demo.process.kill()
+    demo.wait()
+    try:
+        until(lambda: not any(map(is_alive, children)), "the end of driver and fusion")
+    finally:
+        for child in filter(is_alive, children):
+            os.kill(child, signal.SIGKILL)
+
+
 def test_a_child_that_fails_is_named_with_its_last_words(tmp_path: Path):
     bag = tmp_path / "turns.mcap"
     data = bytearray((BAGS / "turns" / "turns.mcap").read_bytes())
