@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
@@ -18,7 +19,19 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from ..errors import UsageError
 
-OVERRIDABLE = QoSOverridingOptions.with_default_policies()  # history, depth, reliability
+DEEPEST = 2**31 - 1  # what the middleware counts with
+
+
+def _checked(profile: QoSProfile) -> SetParametersResult:
+    """Refuse a depth that the middleware would choke on; a `ValueError` tells more than it can."""
+    if not 0 <= profile.depth <= DEEPEST:
+        raise ValueError(f"depth must be between 0 and {DEEPEST}, got {profile.depth}.")
+    return SetParametersResult(successful=True)
+
+
+OVERRIDABLE = QoSOverridingOptions.with_default_policies(  # history, depth, reliability
+    callback=_checked
+)
 PUBLISHER = QoSProfile(depth=100)
 SENSOR_SUBSCRIBER = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 
@@ -74,7 +87,7 @@ def subscribe(
 def _refused(node: Node, topic: str) -> Iterator[None]:
     try:
         yield
-    except (RuntimeError, rclpy_implementation.RCLError) as error:
+    except (RuntimeError, ValueError, rclpy_implementation.RCLError) as error:
         if not node.context.ok():  # the node was told to end before it was made
             raise
         raise UsageError(f"the QoS for {topic} cannot be used: {error}") from None

@@ -405,6 +405,14 @@ def test_level_and_facing_north_in_each_world_frame(graph, frame, expected):
             {"qos_overrides./imu/data_raw.subscription.reliability": "nonsense"},
             "the QoS for imu/data_raw cannot be used",
         ),
+        (
+            {"qos_overrides./imu/data.publisher.depth": -3},
+            "the QoS for imu/data cannot be used: depth must be between 0 and 2147483647, got -3.",
+        ),
+        (
+            {"qos_overrides./imu/mag.subscription.depth": 2**31},
+            "the QoS for imu/mag cannot be used: depth must be between 0 and 2147483647, got 2147",
+        ),
     ],
 )
 def test_a_wrong_parameter_ends_the_node_with_one_sentence(graph, parameters, sentence):
