@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from copy import copy
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -47,7 +48,7 @@ class Output:
         publisher = node.create_publisher(
             kind,
             topic,
-            PUBLISHER,
+            copy(PUBLISHER),  # which rclpy changes where it is overridden
             event_callbacks=PublisherEventCallbacks(matched=self._on_matched),
             qos_overriding_options=OVERRIDABLE,
         )
@@ -76,7 +77,7 @@ def subscribe(
             kind,
             topic,
             callback,
-            SENSOR_SUBSCRIBER,
+            copy(SENSOR_SUBSCRIBER),
             event_callbacks=SubscriptionEventCallbacks(message_lost=on_lost),
             qos_overriding_options=OVERRIDABLE,
             raw=raw,

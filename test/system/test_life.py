@@ -11,6 +11,7 @@ import rclpy
 from graph import until
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import Imu
 
 from stateful_ahrs.nodes import life, qos
@@ -47,6 +48,20 @@ def test_a_topic_is_wanted_while_someone_listens(graph):
     until(lambda: out.wanted, "a listener")
     graph.node.destroy_subscription(listener)
     until(lambda: not out.wanted, "its end")
+
+
+def test_an_override_is_for_its_own_topic(graph):
+    usual = qos.PUBLISHER.depth
+    override = Parameter("qos_overrides./first.publisher.depth", value=7)
+    node = Node("overridden", context=graph.context, parameter_overrides=[override])
+    for topic in ("first", "second"):
+        qos.advertise(node, Imu, topic)
+    depths = [
+        node.get_parameter(f"qos_overrides./{topic}.publisher.depth").value
+        for topic in ("first", "second")
+    ]
+    assert depths == [7, usual]
+    node.destroy_node()
 
 
 @pytest.mark.parametrize("name", ["fusion", "imu_driver"])
