@@ -12,7 +12,12 @@ from copy import copy
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+from rclpy import get_rmw_implementation_identifier
+from rclpy.event_handler import (
+    PublisherEventCallbacks,
+    SubscriptionEventCallbacks,
+    UnsupportedEventTypeError,
+)
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -40,18 +45,32 @@ SENSOR_SUBSCRIBER = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EF
 class Output:
     """A publisher that is ``wanted`` while someone listens.
 
-    The middleware tells when that changes: to ask it at each sample costs half of publishing.
+    The middleware tells when that changes: to ask it at each sample costs half of publishing. With
+    one that does not tell, it always is.
     """
 
     def __init__(self, node: Node, kind: type, topic: str) -> None:
         self.wanted = False
-        publisher = node.create_publisher(
-            kind,
-            topic,
-            copy(PUBLISHER),  # which rclpy changes where it is overridden
-            event_callbacks=PublisherEventCallbacks(matched=self._on_matched),
-            qos_overriding_options=OVERRIDABLE,
-        )
+
+        def made(events: PublisherEventCallbacks | None) -> Any:
+            return node.create_publisher(
+                kind,
+                topic,
+                copy(PUBLISHER),  # which rclpy changes where it is overridden
+                event_callbacks=events,
+                qos_overriding_options=OVERRIDABLE,
+            )
+
+        try:
+            publisher = made(PublisherEventCallbacks(matched=self._on_matched))
+        except UnsupportedEventTypeError:
+            publisher = made(None)
+            self.wanted = True
+            node.get_logger().warning(
+                f"{get_rmw_implementation_identifier()} does not tell who listens: all topics are "
+                "computed and published all the time.",
+                once=True,
+            )
         self.topic_name = publisher.topic_name
         self.publish = publisher.publish
 
@@ -68,20 +87,32 @@ def advertise(node: Node, kind: type, topic: str) -> Output:
 def subscribe(
     node: Node, kind: type, topic: str, callback: Any, on_lost: Any, raw: bool = False
 ) -> Any:
-    """A sensor subscription; ``on_lost`` hears of samples that the middleware lost.
+    """A sensor subscription; ``on_lost`` hears of samples that the middleware lost, if it tells.
 
     ``raw``: the callback gets the bytes of each message.
     """
-    with _refused(node, topic):
+
+    def made(events: SubscriptionEventCallbacks | None) -> Any:
         return node.create_subscription(
             kind,
             topic,
             callback,
             copy(SENSOR_SUBSCRIBER),
-            event_callbacks=SubscriptionEventCallbacks(message_lost=on_lost),
+            event_callbacks=events,
             qos_overriding_options=OVERRIDABLE,
             raw=raw,
         )
+
+    with _refused(node, topic):
+        try:
+            return made(SubscriptionEventCallbacks(message_lost=on_lost))
+        except UnsupportedEventTypeError:
+            node.get_logger().warning(
+                f"{get_rmw_implementation_identifier()} does not tell of samples that it loses: "
+                "lost_in_transport stays 0.",
+                once=True,
+            )
+            return made(None)
 
 
 @contextmanager

@@ -9,6 +9,7 @@ pytest.importorskip("rclpy")
 
 import rclpy
 from graph import until
+from rclpy import event_handler
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -48,6 +49,36 @@ def test_a_topic_is_wanted_while_someone_listens(graph):
     until(lambda: out.wanted, "a listener")
     graph.node.destroy_subscription(listener)
     until(lambda: not out.wanted, "its end")
+
+
+def test_without_word_of_who_listens_a_topic_is_always_wanted(graph, monkeypatch, capfd):
+    mute(monkeypatch, "RCL_PUBLISHER_MATCHED")
+    out = qos.advertise(graph.node, Imu, "imu/data")
+    heard = graph.hear(Imu, "imu/data")
+    assert out.wanted
+    until(lambda: out.publish(Imu()) or heard, "what is published all the time")
+    assert "does not tell who listens" in capfd.readouterr().err
+
+
+def test_samples_come_where_nobody_tells_of_lost_ones(graph, monkeypatch, capfd):
+    mute(monkeypatch, "RCL_SUBSCRIPTION_MESSAGE_LOST")
+    heard = []
+    qos.subscribe(graph.node, Imu, "imu/data", heard.append, on_lost=print)
+    publisher = graph.speak(Imu, "imu/data")
+    until(lambda: publisher.publish(Imu()) or heard, "a sample")
+    assert "does not tell of samples that it loses" in capfd.readouterr().err
+
+
+def mute(monkeypatch, kind):
+    """Let the middleware have no such event; the one of these tests has all."""
+    handler = event_handler.EventHandler
+
+    def make(**arguments):
+        if arguments["event_type"].name == kind:
+            raise event_handler.UnsupportedEventTypeError("no such event")
+        return handler(**arguments)
+
+    monkeypatch.setattr(event_handler, "EventHandler", make)
 
 
 def test_an_override_is_for_its_own_topic(graph):
