@@ -28,6 +28,7 @@ from ..recordings.wire import IMU, MAGNETIC_FIELD
 from ..words import counted
 from . import messages, qos
 from .life import graph, one_line, own_arguments
+from .parameters import warn_of_unknown
 
 INERTIAL = (IMU, MAGNETIC_FIELD)
 WAIT = 5.0  # s; discovery repeats itself every 3 s where its first words were lost
@@ -218,9 +219,9 @@ def _play() -> None:
     options = _options(sys.argv[1:])
     try:
         with open_bag(options.bag) as bag, graph():
-            Player(bag, options.clock).play(
-                options.rate, options.loop, options.wait, options.subscribers
-            )
+            player = Player(bag, options.clock)
+            warn_of_unknown(player)
+            player.play(options.rate, options.loop, options.wait, options.subscribers)
     except KeyboardInterrupt:  # while the bag was being opened
         pass
 

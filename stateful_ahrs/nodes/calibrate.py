@@ -35,6 +35,7 @@ from ..words import counted
 from . import messages, qos
 from .calibrate_view import View, described, result
 from .life import fastest_executor, graph, one_line, own_arguments
+from .parameters import warn_of_unknown
 
 LOOK = 0.5  # s between two looks at what there is
 NAP = 0.05  # s
@@ -171,6 +172,7 @@ def listened(job: argparse.Namespace) -> Data:
     data = Data()
     with graph():
         listener = Listener(job, data)
+        warn_of_unknown(listener)
         executor, _ = fastest_executor()
         executor.add_node(listener)
         try:

@@ -18,7 +18,7 @@ from rclpy.utilities import remove_ros_args
 
 from ..command import exit_with_sentence
 from ..errors import UsageError
-from .parameters import Spec
+from .parameters import Spec, warn_of_unknown
 
 
 def run(name: str, make: Callable[[], Node], specs: Iterable[Spec]) -> int:
@@ -38,6 +38,7 @@ def run(name: str, make: Callable[[], Node], specs: Iterable[Spec]) -> int:
             )
         with graph():
             node = make()
+            warn_of_unknown(node)
             try:
                 spin(node)
             finally:

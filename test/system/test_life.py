@@ -13,6 +13,7 @@ from rclpy import event_handler
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from scenarios import TURNS
 from sensor_msgs.msg import Imu
 
 from stateful_ahrs.nodes import life, qos
@@ -93,6 +94,30 @@ def test_an_override_is_for_its_own_topic(graph):
     ]
     assert depths == [7, usual]
     node.destroy_node()
+
+
+def test_a_parameter_that_the_node_does_not_have_is_named_with_the_nearest(graph, tmp_path):
+    shared = tmp_path / "shared.yaml"
+    shared.write_text(
+        "/**: {ros__parameters: {use_sim_time: false, start_type_description_service: true, "
+        "transport: sim, qos_overrides: {/imu/data: {publisher: {depth: 5, dept: 5}}}}}"
+    )
+    arguments = ["-p", "aplha:=0.9", "-p", "alpha:=0.8", "--params-file", str(shared)]
+    fusion = graph.start("fusion", "--ros-args", *arguments)
+    until(lambda: "ignored" in fusion.said, "the warning")
+    _, _, strange = fusion.said.partition("ignored, as fusion has no such parameter: ")
+    depth = "qos_overrides./imu/data.publisher.depth"
+    assert sorted(strange.splitlines()[0].rstrip(".").split(", ")) == [
+        "aplha (perhaps alpha is meant)",
+        f"{depth.removesuffix('h')} (perhaps {depth} is meant)",
+        "transport",
+    ]
+
+
+def test_the_player_names_them_too(graph):
+    pytest.importorskip("rosbags")
+    player = graph.start("bag_player", str(TURNS), "--wait", "0", rate=2.0)
+    until(lambda: "ignored, as bag_player has no such parameter: rate." in player.said, "it")
 
 
 @pytest.mark.parametrize("name", ["fusion", "imu_driver"])
