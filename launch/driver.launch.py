@@ -1,7 +1,8 @@
 """The driver alone: ``ros2 launch stateful_ahrs driver.launch.py transport:=sim``."""
 
 from launch import LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
+from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
@@ -40,5 +41,15 @@ def driver(context: LaunchContext) -> list[Node]:
                 {"transport": transport} if transport else {},
             ],
             output="screen",
+            on_exit=end_all,
         )
     ]
+
+
+def end_all(event: ProcessExited, context: LaunchContext) -> Shutdown | None:
+    """End the launch with the node, and as an error if that failed."""
+    if context.is_shutdown:
+        return None
+    if event.returncode:
+        raise RuntimeError(f"{event.process_name} ended with exit code {event.returncode}.")
+    return Shutdown(reason=f"{event.process_name} has ended")

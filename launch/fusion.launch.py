@@ -1,7 +1,8 @@
 """The fusion alone: ``ros2 launch stateful_ahrs fusion.launch.py alpha:=0.99``."""
 
 from launch import LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
+from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
@@ -55,5 +56,15 @@ def fusion(context: LaunchContext) -> list[Node]:
             namespace=LaunchConfiguration("namespace"),
             parameters=[LaunchConfiguration("fusion_config"), given],
             output="screen",
+            on_exit=end_all,
         )
     ]
+
+
+def end_all(event: ProcessExited, context: LaunchContext) -> Shutdown | None:
+    """End the launch with the node, and as an error if that failed."""
+    if context.is_shutdown:
+        return None
+    if event.returncode:
+        raise RuntimeError(f"{event.process_name} ended with exit code {event.returncode}.")
+    return Shutdown(reason=f"{event.process_name} has ended")

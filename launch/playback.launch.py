@@ -10,6 +10,7 @@ from launch.actions import (
     OpaqueFunction,
     Shutdown,
 )
+from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
@@ -47,6 +48,15 @@ def player(context: LaunchContext) -> list[Node]:
             # a bag's topics are absolute: these follow the namespace
             remappings=[(f"/{topic}", topic) for topic in TOPICS],
             output="screen",
-            on_exit=Shutdown(),
+            on_exit=end_all,
         )
     ]
+
+
+def end_all(event: ProcessExited, context: LaunchContext) -> Shutdown | None:
+    """End the launch with the node, and as an error if that failed."""
+    if context.is_shutdown:
+        return None
+    if event.returncode:
+        raise RuntimeError(f"{event.process_name} ended with exit code {event.returncode}.")
+    return Shutdown(reason=f"{event.process_name} has ended")

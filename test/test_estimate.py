@@ -156,8 +156,9 @@ def test_a_reference_of_another_time_is_refused_for_an_estimate_too(tmp_path, ca
     assert "bag: no sample of /late has a reference: " in capsys.readouterr().err
 
 
-def test_a_table_has_no_topics(tmp_path, capsys):
-    assert main([write_csv(tmp_path / "turning.csv", turning()), "--estimate", "imu/data"]) == 1
+@pytest.mark.parametrize("option", ["--estimate", "--reference"])
+def test_a_table_has_no_topics(tmp_path, capsys, option):
+    assert main([write_csv(tmp_path / "turning.csv", turning()), option, "imu/data"]) == 1
     expected = "evaluate: turning.csv is no bag: it has no topic imu/data.\n"
     assert capsys.readouterr().err == expected
 

@@ -367,7 +367,7 @@ def test_loops_that_cannot_be_matched_are_refused():
     recording = turning()
     looped = np.concatenate([recording.stamps[:150], recording.stamps[:150]])
     received = recording.stamps
-    with pytest.raises(RecordingError, match=r"jump back 1 times .* reference 0 times"):
+    with pytest.raises(RecordingError, match=r"jump back 1 time .* reference 0 times"):
         prepare(
             replace(
                 recording,

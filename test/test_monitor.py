@@ -132,6 +132,16 @@ def test_bytes_that_cost_samples_are_said_with_them():
     assert sentence == "117 bytes were no samples and were discarded. 3 samples are missing."
 
 
+def test_one_is_not_called_several():
+    desk = Desk()
+    monitor = seen(desk, missed=1)
+    sentence = monitor.verdict(1.0, None)[1]
+    assert sentence == "1 sample was lost before it was read. Set fifo to true."
+    desk.faults.bytes_discarded = 1
+    seen_again = monitor.verdict(1.0, None)[1]
+    assert seen_again == "1 byte was no sample and was discarded."
+
+
 def test_missed_samples_of_a_board_have_no_such_remedy():
     assert "fifo" not in seen(Desk(rate=None), missed=3).verdict(1.0, None)[1]
 

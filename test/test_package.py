@@ -20,7 +20,7 @@ import stateful_ahrs
 ROOT = Path(__file__).parents[1]
 SOURCES = sorted(ROOT.glob("stateful_ahrs/**/*.py"))
 ROOMS = ("rotor", "snapshot", "filters", "mpu9250", "recordings", "evaluation", "nodes")
-FOR_ALL = ("command", "errors", "__init__", "__version__")
+FOR_ALL = ("command", "errors", "words", "__init__", "__version__")
 
 PIP_ONLY = {"distributed", "numba", "rosbags"}  # optional; package.xml says why
 ROS_ONLY = {"launch", "launch_pytest", "launch_ros", "ros2launch", "tf2_ros_py"}  # no wheels

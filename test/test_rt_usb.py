@@ -65,6 +65,20 @@ def test_missing_samples_are_counted_by_the_number(board, make, first):
 
 
 @BOTH
+def test_a_short_gap_before_the_wrap_is_counted_too(board, make, first):
+    data = stream(board, first=240)
+    records = fed(make(), b"".join(data[:5] + data[16:]))
+    assert [record.missed for record in records if record.missed] == [11]
+
+
+@BOTH
+@pytest.mark.parametrize(("last", "begin"), [(0, 0), (5, 0), (200, 0), (100, 3), (3, 3)])
+def test_a_module_that_starts_anew_has_missed_nothing(board, make, first, last, begin):
+    data = stream(board, first=last + 1 - COUNT) + stream(board, first=begin)
+    assert [record.missed for record in fed(make(), b"".join(data))] == [0] * (2 * COUNT - first)
+
+
+@BOTH
 def test_a_magnetometer_sent_again_is_none(board, make, first):
     (burst,) = sampled(board.settings, 1)
     data = b"".join(board.sample(burst, n, 0) for n in range(6))

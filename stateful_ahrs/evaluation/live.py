@@ -17,6 +17,7 @@ class Tally:
         self.samples = 0
         self.sign_flips = 0
         self.largest_step = 0.0  # rad, from one orientation to the next
+        self.truths = 0  # whatever their stamps
         self.error: float | None = None  # rad, at the last stamp that both had
         self._first = self._last = 0
         self._start = IDENTITY
@@ -39,6 +40,7 @@ class Tally:
 
     def add_truth(self, stamp: int, rotor: Rotor) -> None:
         """Take the truth; that of a time before the first orientation has nothing to tell."""
+        self.truths += 1
         if self._rotor is not None and stamp >= self._first:
             self._compare(stamp, rotor, self._truths, self._orientations)
 

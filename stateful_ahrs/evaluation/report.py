@@ -9,6 +9,7 @@ from html import escape
 from pathlib import Path
 
 from .. import __version__
+from ..words import counted
 from .best import CONSISTENCY, Best, best_alphas, best_of_each
 from .charts import (
     angle_chart,
@@ -64,7 +65,7 @@ def report(
     kind = kinds(names)
     figures, tables = _Numbers("Figure"), _Numbers("Table")
     on = f"{len(views)} recordings" if len(views) > 1 else views[0].name
-    title = f"{_plural(len(names), 'orientation filter')} on {on}"
+    title = f"{counted(len(names), 'orientation filter')} on {on}"
     mean = f"Means of {on}. " if len(views) > 1 else ""
     body = [
         f"<h1>{escape(title)}</h1>",
@@ -195,10 +196,6 @@ def _recording(view: View, kind: Mapping[str, str], figures: _Numbers) -> list[s
         )
     )
     return parts
-
-
-def _plural(number: int, what: str) -> str:
-    return f"{number} {what}{'s' * (number != 1)}"
 
 
 def _value(cell: str) -> float:

@@ -17,6 +17,7 @@ from ..filters.samples import Array, Samples, Stamps
 from ..filters.stamps import steps
 from ..filters.stateful import Settings
 from ..recordings import Recording, samples
+from ..words import counted
 from .consistency import snapshots_ahead
 from .metrics import LONGEST_GAP, Mask, Rmse, Truth, passes, rmse_deg, sign_flips, truth_at
 
@@ -203,9 +204,9 @@ def _truth(recording: Recording, stamps: Stamps, used: Mask, what: str) -> Truth
     loops, its_loops = (int(passes(s).max(initial=0)) for s in (stamps, its_stamps))
     if loops != its_loops:
         raise RecordingError(
-            f"{recording.name}: stamps of {what} jump back {loops} times and those of the "
-            f"reference {its_loops} times, so it is unknown which belong together; cut the "
-            "recording at the jumps."
+            f"{recording.name}: stamps of {what} jump back {counted(loops, 'time')} and those of "
+            f"the reference {counted(its_loops, 'time')}, so it is unknown which belong together; "
+            "cut the recording at the jumps."
         )
     truth = truth_at(stamps, its_stamps, reference, recording.movement)
     truth = truth._replace(counts=truth.counts & used)

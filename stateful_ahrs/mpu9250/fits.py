@@ -9,6 +9,7 @@ import numpy as np
 from ..filters.rest import LARGEST, STILL
 from ..filters.samples import Array, Stamps
 from ..rotor import Vector
+from ..words import counted
 from . import coverage, ellipsoid
 from .burst import STANDARD_GRAVITY
 from .calibration import CalibrationError, Correction, Matrix, now
@@ -253,7 +254,8 @@ def _unrest(stamps: Stamps, gyro: Array, best: Rest | None) -> str:
         )
     good = gyro[np.isfinite(gyro).all(axis=1)]
     if len(good) < LEAST_IN_BLOCK:
-        return f"{len(good)} gyroscope samples, expected {LEAST_REST:g} s of them. {remedy}"
+        samples = counted(len(good), "gyroscope sample")
+        return f"{samples}, expected {LEAST_REST:g} s of them. {remedy}"
     mean = np.degrees(np.abs(good.mean(axis=0)).max())
     return (
         f"the sensor moved: rates of {mean:.1f} °/s with a spread of "
@@ -271,7 +273,8 @@ def _thinned(points: Array) -> Array:
 def _require_sphere(points: Array, directions: Array, remedy: str) -> None:
     """Raise `CoverageError` if the points are no good part of a sphere."""
     if len(points) < LEAST_SAMPLES:
-        raise CoverageError(f"{len(points)} samples, expected {LEAST_SAMPLES} or more. {remedy}")
+        samples = counted(len(points), "sample")
+        raise CoverageError(f"{samples}, expected {LEAST_SAMPLES} or more. {remedy}")
     seen = coverage.fraction(directions)
     u = directions / np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1e-30)
     flat = float(np.sqrt(np.linalg.eigvalsh(np.cov(u.T))[0]))

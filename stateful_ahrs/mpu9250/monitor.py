@@ -7,6 +7,7 @@ import math
 from dataclasses import asdict, dataclass
 
 from ..errors import DeviceError
+from ..words import counted
 from .burst import Reading
 from .source import Source
 
@@ -143,16 +144,21 @@ class Monitor:
     def _complaint(self, since: dict[str, int], elapsed: float) -> str:
         """The worst of what happened, or ""."""
         rate, n = self._source.rate, since["samples"]
-        missed = f" {since['missed']} samples are missing." if since["missed"] else ""
+        missed = ""
+        if since["missed"]:
+            missed = f" {counted(since['missed'], 'sample is', 'samples are')} missing."
         if since["bytes_discarded"]:
-            return f"{since['bytes_discarded']} bytes were no samples and were discarded.{missed}"
+            bytes_were = ("byte was no sample and was", "bytes were no samples and were")
+            return f"{counted(since['bytes_discarded'], *bytes_were)} discarded.{missed}"
         if since["bus_errors"]:
-            return f"{since['bus_errors']} transactions failed: check the wires.{missed}"
+            return f"{counted(since['bus_errors'], 'transaction')} failed: check the wires.{missed}"
         if since["fifo_overflows"]:
-            return f"The FIFO overflowed {since['fifo_overflows']} times: too busy.{missed}"
+            times = counted(since["fifo_overflows"], "time")
+            return f"The FIFO overflowed {times}: too busy.{missed}"
         if missed:
+            they_were = ("sample was lost before it was", "samples were lost before they were")
             remedy = "" if rate is None else " Set fifo to true."
-            return f"{since['missed']} samples were lost before they were read.{remedy}"
+            return f"{counted(since['missed'], *they_were)} read.{remedy}"
         if not n:
             return "No samples."
         if rate is not None and n + 1 < SLOW * rate * elapsed:
@@ -161,11 +167,11 @@ class Monitor:
             return f"A temperature of {self._temperature:.0f} °C is not plausible."
         if since["saturated"]:
             axes = ", ".join(self._saturated)
-            return f"{since['saturated']} samples saturated ({axes}): choose a larger range."
+            samples = counted(since["saturated"], "sample")
+            return f"{samples} saturated ({axes}): choose a larger range."
         if since["mag_overflows"]:
-            return (
-                f"{since['mag_overflows']} magnetometer samples overflowed: a magnet is too near."
-            )
+            samples = counted(since["mag_overflows"], "magnetometer sample")
+            return f"{samples} overflowed: a magnet is too near."
         if not since["mag_samples"] and self._source.has_magnetometer:
             return "The magnetometer gives no samples."
         return ""

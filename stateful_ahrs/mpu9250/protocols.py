@@ -16,6 +16,7 @@ MAG_LIMIT = 4912e-6  # tesla, of |x| + |y| + |z|: the AK8963 measures nothing be
 GYRO_LIMIT = math.radians(2000.5)  # rad/s, the largest range and what rounding adds
 ACCEL_LIMIT = 16.01  # g, likewise
 GAP = 1.5  # times the usual step: a sample is missing
+SHORT_GAP = 32  # numbers: one that ends at 0 is rather a loss than a device that started anew
 USUAL = 15  # steps whose median is the usual one
 
 
@@ -47,9 +48,15 @@ class Counter:
         self._last: int | None = None
 
     def missed(self, number: int) -> int:
-        """How many numbers were left out before this one; 0 for the first."""
+        """How many numbers were left out before this one; 0 for the first.
+
+        A step back is that of a device that started anew, and so is a long one to 0: no gap.
+        """
         last, self._last = self._last, number
-        return 0 if last is None else (number - last - 1) % self._modulus
+        if last is None:
+            return 0
+        missed = (number - last - 1) % self._modulus
+        return missed if missed < (self._modulus // 2 if number else SHORT_GAP) else 0
 
     def restart(self) -> None:
         """Take the next number as the first."""

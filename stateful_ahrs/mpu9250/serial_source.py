@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import DeviceError, UsageError
+from ..words import counted
 from .chip import NAMES, SIX_AXES
 from .detect import EitherParser, parser
 from .self_test import Axis
@@ -113,7 +114,7 @@ class SerialSource:
         if self._parser.complaint:
             return DeviceError(f"{self._name} sends no samples: {self._parser.complaint}")
         return DeviceError(
-            f"{self._name} sent {self._received} bytes without a sample in protocol "
+            f"{self._name} sent {counted(self._received, 'byte')} without a sample in protocol "
             f"{self._protocol}. Check baudrate ({self._baudrate}) and protocol."
         )
 

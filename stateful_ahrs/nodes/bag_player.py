@@ -25,8 +25,10 @@ from ..recordings.bag import Topic
 from ..recordings.playback import Bag, Event, open_bag
 from ..recordings.progress import bar
 from ..recordings.wire import IMU, MAGNETIC_FIELD
+from ..words import counted
 from . import messages, qos
 from .life import graph, one_line, own_arguments
+from .parameters import warn_of_unknown
 
 INERTIAL = (IMU, MAGNETIC_FIELD)
 WAIT = 5.0  # s; discovery repeats itself every 3 s where its first words were lost
@@ -55,7 +57,9 @@ class Player(Node):
             try:
                 self._outs[topic] = self._advertise(topic)
             except UsageError as error:
-                self.get_logger().warning(f"{topic} and its {count} messages left out: {error}")
+                self.get_logger().warning(
+                    f"{topic} and its {counted(count, 'message')} left out: {error}"
+                )
         if not self._outs:
             raise RecordingError(f"{bag.name} has nothing that can be played.")
         self._clock_out = self.create_publisher(Clock, "/clock", 1) if clock else None
@@ -79,7 +83,7 @@ class Player(Node):
         self._await_subscribers(wait, subscribers)
         topics = list(self._outs)
         self.get_logger().info(
-            f"playing {sum(self._bag.topics[topic] for topic in topics)} messages of "
+            f"playing {counted(sum(self._bag.topics[topic] for topic in topics), 'message')} of "
             f"{self._bag.seconds:.1f} s on {', '.join(topic.name for topic in topics)}"
         )
         beginning = time.monotonic_ns()
@@ -117,7 +121,8 @@ class Player(Node):
             time.sleep(NAP)
         if wait and rclpy.ok():
             self.get_logger().warning(
-                f"{sum(heard.values())} subscriptions within {wait:g} s; playing all the same"
+                f"{counted(sum(heard.values()), 'subscription')} within {wait:g} s; "
+                "playing all the same"
             )
 
     @staticmethod
@@ -214,9 +219,9 @@ def _play() -> None:
     options = _options(sys.argv[1:])
     try:
         with open_bag(options.bag) as bag, graph():
-            Player(bag, options.clock).play(
-                options.rate, options.loop, options.wait, options.subscribers
-            )
+            player = Player(bag, options.clock)
+            warn_of_unknown(player)
+            player.play(options.rate, options.loop, options.wait, options.subscribers)
     except KeyboardInterrupt:  # while the bag was being opened
         pass
 

@@ -31,9 +31,11 @@ from ..recordings import load
 from ..recordings.opening import BAGS
 from ..recordings.progress import bar
 from ..recordings.temperature import temperature
+from ..words import counted
 from . import messages, qos
 from .calibrate_view import View, described, result
 from .life import fastest_executor, graph, one_line, own_arguments
+from .parameters import warn_of_unknown
 
 LOOK = 0.5  # s between two looks at what there is
 NAP = 0.05  # s
@@ -170,6 +172,7 @@ def listened(job: argparse.Namespace) -> Data:
     data = Data()
     with graph():
         listener = Listener(job, data)
+        warn_of_unknown(listener)
         executor, _ = fastest_executor()
         executor.add_node(listener)
         try:
@@ -196,8 +199,8 @@ def _await_first(listener: Listener, executor: Executor) -> None:
     while not listener.samples:
         if not rclpy.ok() or time.monotonic() > end:
             raise CalibrationError(
-                f"no sample on {listener.topic} ({publishers} publishers). Start the driver, or "
-                "name the topic (--imu, --mag)."
+                f"no sample on {listener.topic} ({counted(publishers, 'publisher')}). Start the "
+                "driver, or name the topic (--imu, --mag)."
             )
         publishers = listener.count_publishers(listener.topic)
         _spin(executor)

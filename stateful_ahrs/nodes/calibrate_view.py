@@ -13,6 +13,7 @@ from rich.text import Text
 
 from ..mpu9250.calibration import Correction
 from ..mpu9250.calibration_file import SECTIONS
+from ..words import counted
 
 SEEN, UNSEEN, HERE = "██", "··", "▓▓"
 PERIOD = 2.0  # s between two lines, if they are not the same
@@ -59,13 +60,14 @@ class View:
             if cells is not None:
                 lines += [*_map(cells, now), Text("")]
             lines.append(Text(state))
-            clock = f"{elapsed:.0f} s, {samples} samples; Ctrl-C ends and keeps what is there"
+            so_far = f"{elapsed:.0f} s, {counted(samples, 'sample')}"
+            clock = f"{so_far}; Ctrl-C ends and keeps what is there"
             panel = Panel(Group(*lines), title=self._title, subtitle=clock, width=84)
             self._live.update(panel, refresh=True)
         elif elapsed >= self._next and state != self._said:
             self._next, self._said = elapsed + PERIOD, state
             seen = "" if cells is None else f", {100.0 * cells.mean():.0f} % of the sphere"
-            print(f"{elapsed:5.1f} s, {samples} samples{seen}: {state}", flush=True)
+            print(f"{elapsed:5.1f} s, {counted(samples, 'sample')}{seen}: {state}", flush=True)
 
 
 def _map(cells: Cells, now: Cells | None) -> list[Text]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import random
 import signal
@@ -18,6 +19,8 @@ from ..errors import AhrsError
 
 INTERRUPTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 PATIENCE = 3.0  # s, from SIGINT to SIGKILL
+LIBC = ctypes.CDLL(None)
+PR_SET_PDEATHSIG = 1  # of linux/prctl.h
 
 
 def own_domain() -> None:
@@ -70,6 +73,7 @@ class Children:
             stdout=self._said[name],
             stderr=subprocess.STDOUT,
             start_new_session=True,
+            preexec_fn=_end_with_parent,  # one call to the kernel: no harm beside DDS's threads
         )
 
     def ended(self, name: str) -> bool:
@@ -98,6 +102,11 @@ class Children:
             except subprocess.TimeoutExpired:
                 _signal(process, signal.SIGKILL)
                 process.wait()
+
+
+def _end_with_parent() -> None:
+    """Let the kernel end this process should its parent be killed."""
+    LIBC.prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 def _signal(process: subprocess.Popen[bytes], number: int) -> None:

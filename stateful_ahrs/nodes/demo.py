@@ -27,6 +27,7 @@ from ..evaluation.live import Tally
 from ..recordings.playback import open_bag
 from ..recordings.wire import QUATERNION
 from ..rotor import Rotor, Vector
+from ..words import counted
 from . import messages, qos
 from .children import Children, own_domain
 from .demo_view import View, turns
@@ -50,6 +51,7 @@ class Source(NamedTuple):
     title: str
     seconds: float = math.inf
     samples: int | None = None  # of a bag
+    truthless: str = ""  # why it tells no truth, if it tells none
 
 
 class Listener(Node):
@@ -227,13 +229,15 @@ class Demo:
             lost = "the bag was not played to its end"
         error = math.nan if tally.error is None else math.degrees(tally.error)
         truth = "the simulator's truth" if simulated else "the bag's ground truth"
+        final = f"unknown: {self._why_unknown(tally)}"
+        if tally.error is not None:
+            final = f"{error:.2f}° against {truth}"
         print(f"orientations  {tally.samples} at {tally.rate:.1f} Hz; {lost}")
         print(f"sign flips    {tally.sign_flips}")
         print(f"largest step  {math.degrees(tally.largest_step):.2f}° from one to the next")
         print(f"turned        {turns(tally.turned)} from the first orientation to the last")
         print(f"alpha         {listener.answer or 'not set'}")
-        if simulated or tally.error is not None:
-            print(f"final error   {error:.2f}° against {truth}")
+        print(f"final error   {final}")
         sys.stdout.flush()
         faults = []
         if not listener.accepted:
@@ -241,11 +245,19 @@ class Demo:
         elif not listener.in_effect:
             faults.append(f"alpha {NEW_ALPHA} was accepted but is not in effect")
         if tally.sign_flips:
-            faults.append(f"the orientation changed its sign {tally.sign_flips} times")
+            faults.append(f"the orientation changed its sign {counted(tally.sign_flips, 'time')}")
         if simulated and not error < HIGHEST_ERROR:
-            faults.append(f"the final error is {error:.2f}°, expected below {HIGHEST_ERROR}°")
+            faults.append(f"the final error is {final}, expected below {HIGHEST_ERROR}°")
         if faults:
             raise AhrsError("; ".join(faults) + ".")
+
+    def _why_unknown(self, tally: Tally) -> str:
+        """Why there is no error to tell."""
+        if self._source.truthless:
+            return self._source.truthless
+        if tally.truths:
+            return f"no orientation has the stamp of any of {counted(tally.truths, 'ground truth')}"
+        return "no ground truth came before the end"
 
 
 def _simulator() -> Source:
@@ -262,8 +274,14 @@ def _player(path: Path) -> Source:
         places = {bag.roles["imu"]: "/imu/data_raw"}
         if "mag" in bag.roles:
             places[bag.roles["mag"]] = "/imu/mag"
-        if "reference" in bag.roles and bag.roles["reference"].kind == QUATERNION:
-            places[bag.roles["reference"]] = "/ground_truth"
+        reference = bag.roles.get("reference")
+        truthless = ""
+        if reference is None:
+            truthless = "the bag has no topic ground_truth"
+        elif reference.kind == QUATERNION:
+            places[reference] = "/ground_truth"
+        else:
+            truthless = f"the demo reads {QUATERNION}, and the bag has {reference}"
         remaps = ["--ros-args"]
         for topic in bag.topics:
             aside = f"/recorded/{topic.name.lstrip('/')}"
@@ -274,6 +292,7 @@ def _player(path: Path) -> Source:
             f"{bag.name} → bag_player → DDS → fusion",
             bag.seconds,
             bag.topics[bag.roles["imu"]],
+            truthless,
         )
 
 

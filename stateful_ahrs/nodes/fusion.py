@@ -18,6 +18,7 @@ from std_srvs.srv import Trigger
 
 from .. import filters, rotor
 from ..errors import AhrsError, UsageError
+from ..filters.certainty import stddevs
 from ..filters.frames import WorldFrame
 from ..filters.pairing import Pairing
 from ..filters.rest import MovedError, RestWindow
@@ -25,14 +26,13 @@ from ..filters.settings import NOTHING, Known
 from ..filters.stamps import StampGate
 from ..mpu9250 import calibration_file
 from ..rotor import Rotor, Vector
+from ..words import counted
 from . import lane, life, messages, qos
 from .cdr import Inertial
 from .diagnostics import ERROR, OK, WARN, Diagnostics, Once, Status
 from .parameters import Parameters, Spec
 
 ZERO: Vector = (0.0, 0.0, 0.0)
-NO_NORTH = math.pi  # rad: the standard deviation of a yaw that no magnetometer has told
-USUAL_STDDEV = 0.03  # rad: of a filter that has no word on it
 REPORTED = len(fields(filters.Report))  # what follows in a report is the filter's own
 SILENT = 1.0  # s without a sample before /diagnostics says so
 
@@ -177,19 +177,17 @@ class Fusion(Node):
     def _apply(self, values: dict[str, Any]) -> None:
         """Take new values from the next sample on."""
         self._filter.settings = self._settings(values)
-        self._fixed_stddev = values["orientation_stddev"]
-        self._covariance_of: tuple[float, float] | None = None
+        self._chosen_stddev = values["orientation_stddev"]
+        self._covariance_of: object = None
 
     def _orientation_covariance(self) -> Any:
         """About the axes of the earth frame: x and y are tilt, z is heading."""
-        stddev = self._filter.stddev
-        if self._fixed_stddev >= 0.0 or stddev is None:
-            tilt = self._fixed_stddev if self._fixed_stddev >= 0.0 else USUAL_STDDEV
-            stddev = (tilt, tilt if self._filter.heading_known else NO_NORTH)
-        if stddev != self._covariance_of:
-            self._covariance_of = stddev
-            found = messages.about_the_vertical(stddev[0], min(stddev[1], NO_NORTH))
-            self._covariance = self._lane.covariance(found)
+        own = self._filter.stddev
+        known = own is not None or self._filter.heading_known
+        if (own, known) != self._covariance_of:
+            self._covariance_of = own, known
+            stddev = stddevs(own, known, self._chosen_stddev)
+            self._covariance = self._lane.covariance(messages.about_the_vertical(*stddev))
         return self._covariance
 
     def _load(self, path: str) -> Known:
@@ -415,7 +413,8 @@ class Fusion(Node):
             return ERROR, "No usable accelerometer sample yet: orientation unknown.", values
         for sensor, count in rejected.items():
             if 2 * count > samples > 0:
-                return WARN, f"{count} of the last {samples} {sensor} samples are useless.", values
+                last = counted(samples, f"{sensor} sample")
+                return WARN, f"Of the last {last}, {count} cannot be used.", values
         if not settings.use_mag:
             return OK, "Six axes by choice: heading follows the gyroscope.", values
         if mag_age > SILENT:
@@ -430,7 +429,7 @@ class Fusion(Node):
     def _silence(self, topic: str, age: float) -> str:
         publishers = self.count_publishers(topic)
         since = "yet" if math.isinf(age) else f"for {age:.0f} s"
-        return f"No sample on {topic} {since} ({publishers} publishers)."
+        return f"No sample on {topic} {since} ({counted(publishers, 'publisher')})."
 
 
 def main() -> None:

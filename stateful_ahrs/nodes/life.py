@@ -19,7 +19,7 @@ from rclpy.utilities import remove_ros_args
 
 from ..command import exit_with_sentence
 from ..errors import UsageError
-from .parameters import Spec
+from .parameters import Spec, warn_of_unknown
 
 
 def run(name: str, make: Callable[[], Node], specs: Iterable[Spec]) -> int:
@@ -39,6 +39,7 @@ def run(name: str, make: Callable[[], Node], specs: Iterable[Spec]) -> int:
             )
         with graph():
             node = make()
+            warn_of_unknown(node)
             try:
                 spin(node)
             finally:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
@@ -69,6 +70,24 @@ class Parameters:
     def _post_set(self, parameters: list[Parameter]) -> None:
         self.values = self._merged(parameters)
         self._apply(self.values)
+
+
+def warn_of_unknown(node: Node) -> None:
+    """Log which parameters were given that the node, made by now, does not have.
+
+    They are not refused, because a file for ``/**`` and a launch file's SetParameter give all of
+    theirs to each of several nodes, and nobody can tell them from a slip of the pen.
+    """
+    known = node.get_parameters_by_prefix("")
+    strange = []
+    for name in node._parameter_overrides:  # rclpy shows them nowhere else
+        if name not in known:
+            nearest = "".join(get_close_matches(name, known, n=1))
+            strange.append(f"{name} (perhaps {nearest} is meant)" if nearest else name)
+    if strange:
+        node.get_logger().warning(
+            f"ignored, as {node.get_name()} has no such parameter: {', '.join(strange)}."
+        )
 
 
 def _declare(node: Node, spec: Spec) -> Value:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import RecordingError, TopicError
 from ..filters.samples import Array, Stamps
+from ..words import counted
 from .opening import damage_told, is_ros1, reader
 from .recording import Progress, Recording
 from .wire import BOOL, IMU, MAGNETIC_FIELD, ROTORS, decode, decode_bool
@@ -116,7 +117,8 @@ def _read(
             progress(found / max(found, promised))
     if found < promised:
         raise RecordingError(
-            f"{file} is cut short: its index promises {promised} messages and it has {found}."
+            f"{file} is cut short: its index promises {counted(promised, 'message')} "
+            f"and it has {found}."
         )
     for stream in streams.values():
         stream.finish()

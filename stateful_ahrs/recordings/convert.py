@@ -12,6 +12,7 @@ import numpy as np
 from ..command import Parser, exit_with_sentence
 from ..errors import AhrsError, UsageError
 from ..filters.samples import Stamps
+from ..words import counted
 from .load import load
 from .progress import bar
 from .recording import Recording
@@ -86,7 +87,7 @@ def _targets(inputs: Sequence[Path], output: Path) -> list[tuple[Path, Path]]:
 
 def _summary(recording: Recording) -> str:
     parts = [
-        f"{len(recording)} samples in {_seconds(recording.stamps):.1f} s",
+        f"{counted(len(recording), 'sample')} in {_seconds(recording.stamps):.1f} s",
         f"inertial {_rate(recording.stamps)}",
         f"magnetometer {_rate(recording.mag_stamps)}",
     ]

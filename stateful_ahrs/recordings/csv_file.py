@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import RecordingError
+from ..words import counted
 from .recording import START, Recording
 
 GYRO, ACCEL, MAG = ("gx", "gy", "gz"), ("ax", "ay", "az"), ("mx", "my", "mz")
@@ -58,7 +59,7 @@ def _read(reader: Iterator[list[str]], file: str, name: str) -> Recording:
             cells.extend([float(cell or "nan") for cell in pick(row)])
         except IndexError:
             raise RecordingError(
-                f"{file}, line {line}: {len(row)} cells, expected {len(header)}."
+                f"{file}, line {line}: {counted(len(row), 'cell')}, expected {len(header)}."
             ) from None
         except (ValueError, ArithmeticError):
             raise RecordingError(f"{file}, line {line}: {_odd(row, header, keys, clock)}") from None

@@ -24,15 +24,16 @@ def load(
     """Read a rosbag2 folder, an .mcap, a .db3, a ROS 1 .bag, a BROAD .mat or a .csv.
 
     ``reference`` is the topic of a bag that tells the truth and ``estimates`` are topics to be
-    compared with it (see `load_bag`); tables have neither. Raises RecordingError for what cannot
-    be read as a whole, TopicError for a missing topic.
+    compared with it (see `load_bag`); a table has no topics, and its reference in itself. Raises
+    RecordingError for what cannot be read as a whole, TopicError for a missing topic.
     """
     path = Path(path)
     require(path, (*BAGS, *TABLES))
     if path.is_dir():
         return load_bag(path, path.resolve().name, reference, progress, estimates)
     if path.suffix in TABLES:
-        if estimates:
-            raise RecordingError(f"{path.name} is no bag: it has no topic {estimates[0]}.")
+        asked = [topic for topic in (reference, *estimates) if topic is not None]
+        if asked:
+            raise RecordingError(f"{path.name} is no bag: it has no topic {asked[0]}.")
         return TABLES[path.suffix](path, path.stem)
     return load_bag(path, path.stem, reference, progress, estimates)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from ..errors import RecordingError
+from ..words import counted
 from .bag import Topic, choose
 from .opening import BAGS, damage_told, is_ros1, reader, require
 from .wire import BOOL, IMU, LAYOUTS
@@ -91,8 +92,8 @@ class Bag:
                     found += 1
         if found < promised:
             raise RecordingError(
-                f"{self.name} is cut short: its index promises {promised} messages "
-                f"and it has {found}."
+                f"{self.name} is cut short: its index promises "
+                f"{counted(promised, 'message')} and it has {found}."
             )
 
     def _converter(self) -> Callable[[bytes, str], bytes]:

@@ -16,7 +16,7 @@ pytest.importorskip("launch_pytest")
 import launch_pytest
 import scenarios
 from graph import Graph, until
-from launch import LaunchDescription
+from launch import LaunchDescription, LaunchService
 from launch.actions import IncludeLaunchDescription
 from rcl_interfaces.srv import GetParameters
 from sensor_msgs.msg import Imu
@@ -80,6 +80,30 @@ def test_arguments_reach_the_nodes(graph: Graph) -> None:
     names = {"fusion": ["alpha", "world_frame", "filter"], "imu_driver": ["transport"]}
     values = {node: parameters(graph, f"left/{node}", names[node]) for node in names}
     assert values == {"fusion": [1.0, "ned", "stateful"], "imu_driver": ["sim"]}
+
+
+@pytest.mark.parametrize(
+    ("file", "arguments"),
+    [
+        ("imu.launch.py", {"alpha": "7"}),
+        ("imu.launch.py", {"transport": "nope"}),
+        ("playback.launch.py", {"bag": str(scenarios.TURNS), "filter": "nope"}),
+        ("playback.launch.py", {"bag": "nowhere"}),
+    ],
+)
+def test_a_node_that_fails_ends_the_launch_as_an_error(
+    graph: Graph, file: str, arguments: dict[str, str]
+) -> None:
+    service = LaunchService()
+    service.include_launch_description(launched(file, **arguments))
+    assert service.run() == 1
+
+
+def test_the_end_of_a_bag_ends_the_launch_well(graph: Graph) -> None:
+    service = LaunchService()
+    bag = {"bag": str(scenarios.TURNS), "options": "--rate 8"}
+    service.include_launch_description(launched("playback.launch.py", **bag))
+    assert service.run() == 0
 
 
 def parameters(graph: Graph, node: str, names: list[str]) -> list[Any]:

@@ -7,12 +7,16 @@ import re
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from graph import until
 
 pytest.importorskip("rosbags", reason="bags need rosbags: pip install 'stateful_ahrs[bags]'")
+
+from stateful_ahrs.recordings import load
+from stateful_ahrs.recordings.write import write
 
 BAGS = Path(__file__).parents[1] / "bags"
 
@@ -75,6 +79,28 @@ def test_of_a_bag_every_sample_is_used_and_its_end_ends_the_demo():
     assert number(r"final error +([\d.]+)° against the bag's ground truth", out) < 1.5
 
 
+@pytest.mark.parametrize(
+    ("first", "moved", "duration", "reason"),
+    [
+        (949, 0, "1", "no ground truth came before the end"),  # it is 9.5 s late
+        (900, 1, "30", "no orientation has the stamp of any of 50 ground truths"),
+        (950, 0, "1", "the bag has no topic ground_truth"),
+    ],
+)
+def test_an_error_that_cannot_be_told_is_said_with_the_reason(
+    tmp_path: Path, first: int, moved: int, duration: str, reason: str
+):
+    whole = load(BAGS / "turns")
+    known = whole.reference[first:]
+    stamps = whole.reference_stamps[first:] + moved
+    reference = {"reference": known, "reference_stamps": stamps} if len(known) else {}
+    rest = {"reference": None, "reference_stamps": None, "reference_received": None}
+    write(replace(whole, movement=None, **{**rest, **reference}), tmp_path / "bag")
+    code, out, err = Demo("--duration", duration, "--bag", str(tmp_path / "bag")).wait()
+    assert (code, err) == (0, "")
+    assert re.search(rf"^final error +unknown: {reason}$", out, re.MULTILINE)
+
+
 @pytest.mark.parametrize("by", [signal.SIGINT, signal.SIGTERM])
 def test_no_process_outlives_the_demo(by: signal.Signals):
     demo = Demo("--duration", "60")
@@ -87,6 +113,19 @@ def test_no_process_outlives_the_demo(by: signal.Signals):
     code, _, err = demo.wait(2.5)  # less than it grants a child that does not listen
     assert (code, err) == (130, "")
     assert not any(map(is_alive, children))
+
+
+def test_no_process_outlives_a_demo_that_is_killed():
+    demo = Demo("--duration", "60")
+    until(lambda: len(demo.children()) == 2, "driver and fusion")
+    children = demo.children()
+    demo.process.kill()
+    demo.wait()
+    try:
+        until(lambda: not any(map(is_alive, children)), "the end of driver and fusion")
+    finally:
+        for child in filter(is_alive, children):
+            os.kill(child, signal.SIGKILL)
 
 
 def test_a_child_that_fails_is_named_with_its_last_words(tmp_path: Path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import signal
 import struct
 from pathlib import Path
@@ -288,7 +289,8 @@ def test_a_sensor_that_gives_nothing_usable_is_a_warning(graph, sensor, sample, 
 
     def told():
         sensor.send(START + sensor.sent * PERIOD, **sample)
-        return f"{name} samples are useless." in status(diagnostics, "fusion")[1]
+        sentence = status(diagnostics, "fusion")[1]
+        return re.fullmatch(rf"Of the last \d+ {name} samples, \d+ cannot be used\.", sentence)
 
     until(told, "the warning")
     assert status(diagnostics, "fusion")[0] == b"\x01"
@@ -402,6 +404,14 @@ def test_level_and_facing_north_in_each_world_frame(graph, frame, expected):
         (
             {"qos_overrides./imu/data_raw.subscription.reliability": "nonsense"},
             "the QoS for imu/data_raw cannot be used",
+        ),
+        (
+            {"qos_overrides./imu/data.publisher.depth": -3},
+            "the QoS for imu/data cannot be used: depth must be between 0 and 2147483647, got -3.",
+        ),
+        (
+            {"qos_overrides./imu/mag.subscription.depth": 2**31},
+            "the QoS for imu/mag cannot be used: depth must be between 0 and 2147483647, got 2147",
         ),
     ],
 )
