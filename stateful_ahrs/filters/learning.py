@@ -148,7 +148,7 @@ class Field(NamedTuple):
     dip: float = 0.0  # its sine, smoothed
     norm_reference: float = 0.0
     dip_reference: float = 0.0
-    reference_age: float = 0.0  # s of motion
+    reference_age: float = 0.0  # s of motion in a field like it
     norm_candidate: float = 0.0
     dip_candidate: float = 0.0
     candidate_age: float = 0.0  # s of motion
@@ -711,11 +711,15 @@ def hear(
     off += ((smooth_dip - dip_reference) / DIP_SPREAD) ** 2
     now = ((norm - norm_reference) / (NORM_SPREAD * norm_reference)) ** 2
     now += ((dip - dip_reference) / DIP_SPREAD) ** 2
-    tried = 1.0 + (UNTRIED / max(field.reference_age, 1e-3)) ** 2
-    trust = 1.0
+    # A field that has stayed as long as a reference hardly tried is as likely the honest one.
+    age = max(field.reference_age, 1e-3)
+    untried = UNTRIED / age * (1.0 + min(1.0, candidate_age / age))
+    trust, alike = 1.0, 1.0
     if chosen.weigh:
-        trust = 1.0 / (1.0 + min(max(off, SUDDEN * now) / tried, LARGEST_DISTURBANCE))
-    reference_age = min(field.reference_age + motion * trust, OLDEST)
+        off_now = max(off, SUDDEN * now)
+        trust = 1.0 / (1.0 + min(off_now / (1.0 + untried * untried), LARGEST_DISTURBANCE))
+        alike = 1.0 / (1.0 + off_now)
+    reference_age = min(field.reference_age + motion * alike, OLDEST)  # another's is not its own
     innovation = math.atan2(fy, fx)
     looks, swaps = field.looks, room.swaps
     far = off + (field.surprise / SURPRISE_SPREAD) ** 2
