@@ -204,11 +204,11 @@ class Turn:
 
         ``coarse`` passes over motion below 6°: it keeps the count at next to no cost.
         """
-        if coarse and dot(q, self._rotor) > COARSE:
+        w, x, y, z = q
+        p, i, j, k = self._rotor
+        if coarse and w * p + x * i + y * j + z * k > COARSE:
             return self.angle
         self._rotor = q
-        w, *v = q
-        x, y, z = v
         length = math.sqrt(x * x + y * y + z * z)
         if not self._has_axis:  # since the start nothing but rest and small motion: eq. 17–18
             self._has_axis = length >= self.NEAR
@@ -218,7 +218,7 @@ class Turn:
             return self.angle
         if length >= self.NEAR:
             self._turn_axis(q, length, 1.0)
-        elif (way := math.dist(v, self._last)) > self.STEP:
+        elif (way := math.dist((x, y, z), self._last)) > self.STEP:
             self._turn_axis(q, length, min(1.0, self.PULL * way * length / self.NEAR**2))
         along = x * self.axis[0] + y * self.axis[1] + z * self.axis[2]
         now = 2.0 * math.atan2(along, w)

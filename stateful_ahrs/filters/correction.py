@@ -20,7 +20,7 @@ import math
 from ..rotor import IDENTITY, Rotor, Vector, rotate, slightly
 from .gains import Gains, Pace, part_of_heading
 from .learning import Learned
-from .senses import LEVEL, LOW_PASS, UP, WEAKEST, Senses, heard, says, usable
+from .senses import LEVEL, LOW_PASS, UP, WEAKEST, Senses, heard, usable
 from .spikes import ZERO, is_glitch
 
 NEARLY_UPRIGHT = 0.01  # square of the tangent of the angle to the vertical
@@ -87,7 +87,8 @@ def corrected(
 
     first = False
     mag_age += dt
-    if says(mag):
+    x, y, z = mag
+    if x == x or y == y or z == z:  # a sample came
         fresh = heard(mag)
         if fresh:
             x, y, z = rotate(predicted, mag)

@@ -8,9 +8,9 @@ import numpy as np
 
 from ..errors import UsageError
 from ..rotor import (
+    IDENTITY,
     Rotor,
     Vector,
-    follow,
     from_axis_angle,
     negative,
     product,
@@ -44,8 +44,7 @@ class WorldFrame:
                 f"magnetic_declination must be between -π and π rad, got {declination}."
             )
         self.rotor = product(WORLD_FRAMES[name], from_axis_angle((0.0, 0.0, 1.0), -declination))
-        self._last: Rotor = (0.0, 0.0, 0.0, 0.0)
-        self._first = True
+        self._last: Rotor = IDENTITY
 
     @property
     def north_at_zero_yaw(self) -> Vector:
@@ -54,12 +53,10 @@ class WorldFrame:
 
     def update(self, rotor: Rotor) -> Rotor:
         """A filter's rotor (sensor → NWU) as sensor → world, continuing the last one's sign."""
-        rotor = product(self.rotor, rotor)
-        if self._first:
-            self._first = False
-            rotor = rotor if rotor[0] >= 0.0 else negative(rotor)
-        else:
-            rotor = follow(rotor, self._last)
+        w, x, y, z = rotor = product(self.rotor, rotor)
+        p, q, r, s = self._last
+        if w * p + x * q + y * r + z * s < 0.0:
+            rotor = negative(rotor)
         self._last = rotor
         return rotor
 

@@ -82,11 +82,6 @@ def usable(accel: Vector) -> bool:
     return WEAKEST * WEAKEST < square < STRONGEST * STRONGEST
 
 
-def says(mag: Vector) -> bool:
-    """Whether a magnetometer sample came, good or bad."""
-    return mag[0] == mag[0] or mag[1] == mag[1] or mag[2] == mag[2]
-
-
 def heard(mag: Vector) -> bool:
     """Whether a sample can be a magnetic field."""
     x, y, z = mag
@@ -126,7 +121,7 @@ def look(
 
     mag_age = mag_age + dt if dt > 0.0 else math.inf  # it told another time's heading
     fresh = heard(mag)
-    if not fresh and says(mag):
+    if not fresh and (mag[0] == mag[0] or mag[1] == mag[1] or mag[2] == mag[2]):
         mag_rejected += 1
     field = mag if fresh else carried(turn, last_mag)
     has_up = usable(accel)

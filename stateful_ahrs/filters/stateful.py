@@ -40,7 +40,6 @@ from ..rotor import (
     Vector,
     blend,
     carried,
-    dot,
     from_rate,
     minus,
     negative,
@@ -231,13 +230,14 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
             rotor = blend(predicted, rotor, weight)  # eq. 16
         else:
             rotor = predicted
-    square = dot(rotor, rotor)
+    w, x, y, z = rotor
+    square = w * w + x * x + y * y + z * z
     if not square > 1e-12:  # only a stateless blend of opposite signs can vanish
         rotor = predicted
     elif normalise and stateful:
         if abs(square - 1.0) < NEAR_UNIT:  # a root would take longer
             scale = 1.5 - 0.5 * square
-            rotor = (scale * rotor[0], scale * rotor[1], scale * rotor[2], scale * rotor[3])
+            rotor = (scale * w, scale * x, scale * y, scale * z)
         else:
             rotor = unit(rotor)
     if learns:

@@ -269,10 +269,11 @@ class Fusion(Node):
         """Publish imu/data: the sample, its rates less the bias, with the orientation."""
         covariance = self._orientation_covariance() if started else self._unknown
         _, frame, _, gyro_covariance, accel, accel_covariance = sample
-        if not messages.finite(gyro):
-            gyro, gyro_covariance = ZERO, self._unknown
-        if not messages.finite(accel):
-            accel, accel_covariance = ZERO, self._unknown
+        if not math.isfinite(sum(gyro) + sum(accel)):
+            if not messages.finite(gyro):
+                gyro, gyro_covariance = ZERO, self._unknown
+            if not messages.finite(accel):
+                accel, accel_covariance = ZERO, self._unknown
         self._imu_out.publish(
             self._lane.imu(
                 stamp,
