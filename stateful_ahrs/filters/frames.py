@@ -53,7 +53,13 @@ class WorldFrame:
 
     def update(self, rotor: Rotor) -> Rotor:
         """A filter's rotor (sensor → NWU) as sensor → world, continuing the last one's sign."""
-        w, x, y, z = rotor = product(self.rotor, rotor)
+        c, i, j, s = self.rotor
+        if i == 0.0 and j == 0.0:  # about the vertical, as in enu and nwu: a shorter product
+            w, x, y, z = rotor
+            rotor = (c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w)
+        else:
+            rotor = product(self.rotor, rotor)
+        w, x, y, z = rotor
         p, q, r, s = self._last
         if w * p + x * q + y * r + z * s < 0.0:
             rotor = negative(rotor)

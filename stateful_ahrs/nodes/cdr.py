@@ -102,20 +102,12 @@ def imu(
 ) -> bytes:
     """Write a sensor_msgs/Imu."""
     w, x, y, z = orientation
+    gx, gy, gz = gyro
+    ax, ay, az = accel
     return _whole_imu(len(frame)).pack(
-        PLAIN,
-        *divmod(stamp, SECOND),
-        frame,
-        x,
-        y,
-        z,
-        w,
-        orientation_covariance,
-        *gyro,
-        gyro_covariance,
-        *accel,
-        accel_covariance,
-    )
+        PLAIN, stamp // SECOND, stamp % SECOND, frame, x, y, z, w, orientation_covariance,
+        gx, gy, gz, gyro_covariance, ax, ay, az, accel_covariance,
+    )  # fmt: skip
 
 
 @cache

@@ -42,6 +42,8 @@ class Diagnostics:
                 self._node.get_logger().warning(message)
             else:
                 self._node.get_logger().error(message)
+        if not self._publisher.get_subscription_count():
+            return
         status = DiagnosticStatus(
             level=level, name=self._name, message=message, hardware_id=self._hardware_id
         )
