@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 
 from ..rotor import IDENTITY, Rotor, Vector, rotate, slightly
-from .gains import Gains, Pace, part_of_heading
+from .gains import Gains, part_of_heading
 from .learning import Learned
 from .senses import LEVEL, LOW_PASS, UP, WEAKEST, Senses, heard, usable
 from .spikes import ZERO, is_glitch
@@ -44,15 +44,15 @@ def corrected(
     mag: Vector,
     predicted: Rotor,
     nudge: Vector,
-    pace: Pace,
+    tilt_rate: float,
     weight: float,
     elapsed: float,
     dt: float,
 ) -> tuple[Senses, Earth, bool, Rotor]:
     """Take a sample after the start: what the blend makes of ``predicted``, a unit rotor.
 
-    ``weight`` is α in this step, ``nudge`` half of a small turn (rad) besides, and ``elapsed`` the
-    time since the start. Returns
+    ``weight`` is α in this step, ``tilt_rate`` the same in time (1/s), ``nudge`` half of a small
+    turn (rad) besides, and ``elapsed`` the time since the start. Returns
 
     - what is remembered from now on, of the samples and in the earth frame;
     - whether this is the first heading, which is taken whole;
@@ -105,7 +105,7 @@ def corrected(
                 length = math.sqrt(level)
                 if heading_known:
                     span = max(dt, min(mag_age, gains.sources.mag_timeout))
-                    part = part_of_heading(gains, learned, pace, elapsed, span)
+                    part = part_of_heading(gains, learned, tilt_rate, elapsed, span)
                     change = turned_north(change, x / length, y / length, part)
                 else:
                     first = heading_known = True

@@ -32,15 +32,10 @@ class Gains(NamedTuple):
     chosen: Chosen
 
 
-class Pace(NamedTuple):
-    """What α makes of a step, as long as steps are alike: a power costs more than the rest."""
-
-    span: float = -1.0  # s, of the step
-    weight: float = 0.0  # that α leaves to the gyroscope path in it
-    rate: float = 0.0  # 1/s, at which the rest is taken
-
-
-NO_PACE = Pace()
+# What α makes of a step, as long as steps are alike, because a power costs more than the rest: the
+# step (s), the weight left to the gyroscope path in it, the rate at which the rest is taken (1/s).
+Pace = tuple[float, float, float]
+NO_PACE: Pace = (-1.0, 0.0, 0.0)
 
 
 def gains(settings: Settings) -> Gains:
@@ -76,7 +71,7 @@ def weight_of_gyro(alpha: float, alpha_rate: float, span: float) -> float:
 def paced(gains: Gains, dt: float) -> Pace:
     """What α makes of a step of ``dt`` s."""
     weight = weight_of_gyro(gains.alpha, gains.alpha_rate, dt)
-    return Pace(dt, weight, (1.0 - weight) / dt if dt > 0.0 else 0.0)
+    return dt, weight, (1.0 - weight) / dt if dt > 0.0 else 0.0
 
 
 def at_start(gains: Gains, weight: float, elapsed: float, dt: float) -> float:
@@ -89,11 +84,11 @@ def at_start(gains: Gains, weight: float, elapsed: float, dt: float) -> float:
 
 
 def part_of_heading(
-    gains: Gains, learned: Learned, pace: Pace, elapsed: float, span: float
+    gains: Gains, learned: Learned, tilt_rate: float, elapsed: float, span: float
 ) -> float:
     """How much of the way to the measured north heading goes, ``span`` s after the last one.
 
-    Left to itself, heading is never corrected faster than tilt.
+    Left to itself, heading is never corrected faster than tilt is (1/s).
     """
     if gains.average_start and elapsed < START_LOW_PASSED:
         if gains.low_pass:
@@ -104,5 +99,5 @@ def part_of_heading(
         kept = weight_of_gyro(gains.alpha_heading, gains.alpha_rate, span)
         return learned.trust * (1.0 - kept)
     if gains.chosen.weigh:
-        return min(1.0, span * min(learned.heading_rate, pace.rate))
+        return min(1.0, span * min(learned.heading_rate, tilt_rate))
     return 1.0 - weight_of_gyro(gains.alpha, gains.alpha_rate, span)

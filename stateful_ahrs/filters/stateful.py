@@ -41,7 +41,6 @@ from ..rotor import (
     blend,
     carried,
     from_rate,
-    minus,
     negative,
     product,
     rotate,
@@ -103,19 +102,11 @@ NEAR_UNIT = 1e-6  # of the square of a length: one step of Newton is then as goo
 DISTURBED = 0.1  # trust of a field three standard deviations off
 
 
-class Past(NamedTuple):
-    """What happened since the slow room last looked back."""
-
-    time: float = 0.0  # s
-    applied: Vector = (0.0, 0.0, 0.0)  # corrections, rad, earth frame
-    rows: int = 0  # of the log
-    row_time: float = 0.0  # s since the last row; 0: this sample is one
-    mag_row_time: float = 1.0  # s since the last row with a magnetometer sample
-    step: float = 0.0  # s, the last
-    due: bool = False  # it should look back before the next sample
-
-
-NO_PAST = Past()
+# What happened since the slow room last looked back: the time (s), the corrections (rad, earth
+# frame), the rows of the log, the time since the last row, and since the last with a magnetic field
+# (s), the last step (s). Without names, because one is made for each sample.
+Past = tuple[float, Vector, int, float, float, float]
+NO_PAST: Past = (0.0, ZERO, 0, 0.0, 1.0, 0.0)
 
 
 class State(NamedTuple):
@@ -128,7 +119,9 @@ class State(NamedTuple):
     pace: Pace = NO_PACE
     learned: Learned = Learned()
     room: Room = Room()
-    past: Past = Past()
+    past: Past = NO_PAST
+    row: float = 0.0  # s since the last row of the log, if this sample is one
+    due: bool = False  # the slow room should look back before the next sample
     seen: Seen = UNSEEN
     earth: Earth = NO_EARTH
 
@@ -145,7 +138,9 @@ def predict_as_printed(rotor: Rotor, turn: Rotor) -> Rotor:
 
 def true_rate(learned: Learned, rate: Vector) -> Vector:
     """The rate (rad/s) less bias and misalignment."""
-    x, y, z = minus(rate, learned.bias)
+    x, y, z = rate
+    bx, by, bz = learned.bias
+    x, y, z = x - bx, y - by, z - bz
     xx, xy, xz = learned.row_x
     yx, yy, yz = learned.row_y
     zx, zy, zz = learned.row_z
@@ -173,7 +168,7 @@ def true_field(learned: Learned, mag: Vector, rate: Vector) -> Vector:
 
 def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, dt: float) -> State:
     """Take one sample of all sensors, ``dt`` s after the last; 0 starts anew (eq. 16)."""
-    rotor, last, elapsed, _, pace, learned, room, past, seen, earth = state
+    rotor, last, elapsed, _, pace, learned, room, past, _, _, seen, earth = state
     (
         sources, alpha, _, _, stateful, normalise, average_start, despike, low_pass, corrects,
         learns, turns, _,
@@ -194,9 +189,9 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
                 accel = put_right(seen, turn, accel)
         seen = (last.rate, dt, force, seen[2])
     predicted = predict(rotor, turn)
-    if dt != pace.span:
+    if dt != pace[0]:
         pace = paced(gains, dt)
-    weight = pace.weight
+    _, weight, tilt_rate = pace
     starts = dt <= 0.0 or not last.started
     if average_start and elapsed < AVERAGED and not starts:
         weight = at_start(gains, weight, elapsed, dt)
@@ -206,13 +201,13 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
         if not normalise:
             predicted = unit(predicted)
         nudge = ZERO
-        if learns and past.time < WINDOW and alpha < 1.0:
+        if learns and past[0] < WINDOW and alpha < 1.0:
             x, y, z = learned.drift  # what the slow room found out of the past
             half = 0.5 * dt
             nudge = (half * x, half * y, half * z)
         senses, earth, begins, change = corrected(
             last, earth, gains, learned, rate, gyro_rejected, accel, mag, predicted, nudge,
-            pace, weight, elapsed, dt,
+            tilt_rate, weight, elapsed, dt,
         )  # fmt: skip
         rotor = product(change, predicted)
     else:
@@ -240,90 +235,89 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
             rotor = (scale * w, scale * x, scale * y, scale * z)
         else:
             rotor = unit(rotor)
+    row, due = 0.0, False
     if learns:
         fresh = sources.use_mag and senses.mag_age == 0.0
-        past = passed(past, fresh, change, elapsed, dt, begins, starts)
-    return State(rotor, senses, elapsed, predicted, pace, learned, room, past, seen, earth)
+        past, row, due = passed(past, fresh, change, elapsed, dt, begins, starts)
+    return State(
+        rotor, senses, elapsed, predicted, pace, learned, room, past, row, due, seen, earth
+    )
 
 
 def passed(
-    past: Past,
-    fresh: bool,
-    change: Rotor,
-    elapsed: float,
-    dt: float,
-    begins: bool,
-    starts: bool,
-) -> Past:
-    """What the slow room should know of a step that turned the predicted rotor by ``change``."""
+    past: Past, fresh: bool, change: Rotor, elapsed: float, dt: float, begins: bool, starts: bool
+) -> tuple[Past, float, bool]:
+    """What the slow room should know of a step that turned the predicted rotor by ``change``.
+
+    Also returns ``row`` and ``due`` of the `State`.
+    """
+    time, applied, rows, row_time, mag_row_time, _ = past
     if begins:
-        return Past(0.0, past.applied, 0, 0.0, 1.0, dt, True)
+        return (0.0, applied, 0, 0.0, 1.0, dt), 0.0, True
     if starts:
-        return NO_PAST
-    time, (ax, ay, az), rows, row_time, mag_row_time, _, _ = past
+        return NO_PAST, 0.0, False
     time, row_time, mag_row_time = time + dt, row_time + dt, mag_row_time + dt
+    row = 0.0
     if row_time >= ROW_TIME or (fresh and mag_row_time >= ROW_TIME):
         rows += 1
-        row_time = 0.0
+        row, row_time = row_time, 0.0
         if fresh:
             mag_row_time = 0.0
-    _, x, y, z = change
+    x, y, z = applied
+    _, i, j, k = change
     window = WINDOW if elapsed > WINDOW else 0.25 * WINDOW
-    return Past(
-        time,
-        (ax + 2.0 * x, ay + 2.0 * y, az + 2.0 * z),
-        rows,
-        row_time,
-        mag_row_time,
-        dt,
+    return (
+        (time, (x + 2.0 * i, y + 2.0 * j, z + 2.0 * k), rows, row_time, mag_row_time, dt),
+        row,
         rows > 0 and (time >= window - 0.5 * dt or rows == ROWS),
     )
 
 
-def note(log: Floats, state: State, accel: Vector, mag: Vector, row_time: float) -> None:
+def note(log: Floats, state: State, accel: Vector, mag: Vector) -> None:
     """Write the sample that made ``state`` into the log, as its last row."""
     senses = state.senses
-    at = COLUMNS * (state.past.rows - 1)
+    _, _, rows, _, mag_row_time, _ = state.past
+    at = COLUMNS * (rows - 1)
     log[at], log[at + 1], log[at + 2], log[at + 3] = unit(state.predicted)
     log[at + 4], log[at + 5], log[at + 6] = senses.rate
     force = accel if usable(accel) else carried(unit(state.predicted), state.earth[0])
     log[at + 7], log[at + 8], log[at + 9] = force
     log[at + 10], log[at + 11], log[at + 12] = mag
-    log[at + 13] = row_time
-    if state.past.mag_row_time > 0.0:
+    log[at + 13] = state.row
+    if mag_row_time > 0.0:
         log[at + 10] = math.nan
 
 
 def look_back(state: State, memory: Memory, gains: Gains) -> State:
     """The slow room's turn: after a window, a new start, or the first heading."""
-    room, learned, past = state.room, state.learned, state.past
-    if past.rows > 0:
-        pace = paced(gains, past.step)
-        tilt_rate = pace.rate
+    room, learned = state.room, state.learned
+    _, applied, rows, row_time, mag_row_time, step = state.past
+    if rows > 0:
+        _, _, tilt_rate = paced(gains, step)
         heading_rate = -1.0
         if gains.alpha_heading >= 0.0:
-            kept = weight_of_gyro(gains.alpha_heading, gains.alpha_rate, past.step)
-            heading_rate = (1.0 - kept) / past.step
+            kept = weight_of_gyro(gains.alpha_heading, gains.alpha_rate, step)
+            heading_rate = (1.0 - kept) / step
         elif not gains.chosen.weigh:
             heading_rate = tilt_rate
         starting = gains.average_start and state.elapsed < START_LOW_PASSED
         window = Window(
-            past.rows,
+            rows,
             state.earth[0],
-            past.applied,
+            applied,
             tilt_rate,
             heading_rate,
             starting,
         )
         room, learned = learn(memory, room, learned, window, gains.chosen)
     elif state.elapsed > 0.0:
-        first_heading(memory, past.applied)
+        first_heading(memory, applied)
     else:
         room, learned = start_anew(memory, room, learned)
-    past = Past(0.0, (0.0, 0.0, 0.0), 0, past.row_time, past.mag_row_time, past.step, False)
+    past = (0.0, ZERO, 0, row_time, mag_row_time, step)
     return State(
         state.rotor, state.senses, state.elapsed, state.predicted, state.pace, learned, room, past,
-        state.seen, state.earth,
+        0.0, False, state.seen, state.earth,
     )  # fmt: skip
 
 
@@ -342,16 +336,15 @@ def run(
     log = memory.log
     i = 0
     while i < len(dts):
-        if state.past.due:
+        if state.due:
             state = look_back(state, memory, gains)
-        while i < len(dts) and not state.past.due:
+        while i < len(dts) and not state.due:
             if dts[i] == dts[i]:
                 a = (accel[i, 0], accel[i, 1], accel[i, 2])
                 m = (mag[i, 0], mag[i, 1], mag[i, 2])
-                row_time = state.past.row_time + dts[i]
                 state = step(state, gains, (gyro[i, 0], gyro[i, 1], gyro[i, 2]), a, m, dts[i])
-                if state.past.rows > 0 and state.past.row_time == 0.0:
-                    note(log, state, a, m, row_time)
+                if state.row > 0.0:
+                    note(log, state, a, m)
             q = state.rotor
             if not normalised:
                 q = unit(q)
@@ -418,12 +411,11 @@ class StatefulFilter(KernelFilter):
 
     def _take(self, gyro: Vector, accel: Vector, mag: Vector, dt: float) -> None:
         before = self._before
-        if before.past.due:
+        if before.due:
             before = self._before = look_back(before, self._memory, self._gains)
         state = self._state = step(before, self._gains, gyro, accel, mag, dt)
-        past = state.past
-        if past.row_time == 0.0 and past.rows > 0:
-            note(self._memory.log, state, accel, mag, before.past.row_time + dt)
+        if state.row > 0.0:
+            note(self._memory.log, state, accel, mag)
 
     @property
     def rotor(self) -> Rotor:
