@@ -278,9 +278,9 @@ def note(log: Floats, state: State, accel: Vector, mag: Vector) -> None:
     senses = state.senses
     _, _, rows, _, mag_row_time, _ = state.past
     at = COLUMNS * (rows - 1)
-    log[at], log[at + 1], log[at + 2], log[at + 3] = unit(state.predicted)
+    log[at], log[at + 1], log[at + 2], log[at + 3] = state.predicted
     log[at + 4], log[at + 5], log[at + 6] = senses.rate
-    force = accel if usable(accel) else carried(unit(state.predicted), state.earth[0])
+    force = accel if usable(accel) else carried(state.predicted, state.earth[0])
     log[at + 7], log[at + 8], log[at + 9] = force
     log[at + 10], log[at + 11], log[at + 12] = mag
     log[at + 13] = state.row
