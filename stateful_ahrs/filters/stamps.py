@@ -39,13 +39,19 @@ class StampGate:
         self._zeros = 0
         self._by_arrival = False
         self._jumped_at: int | None = None  # the last stamp before the clock went back
+        self._steady = False  # nothing of the above, as nearly always
 
     def step(self, stamp: int, arrival: int = 0) -> float | None:
         """Seconds since the last sample; 0 to start anew from this one; None to skip it.
 
         ``stamp`` in ns; ``arrival`` (ns) serves in its place when the sender does not stamp.
         """
+        step = stamp - self.last
+        if self._steady and 0 < step <= LONGEST_STEP:
+            self.last = stamp
+            return step * 1e-9
         self.news = None
+        self._steady = False
         if stamp == 0:
             self.counts.zero += 1
             self._zeros += 1
@@ -67,6 +73,7 @@ class StampGate:
             self._started = True
         elif 0 < step <= LONGEST_STEP:
             self.last = stamp
+            self._steady = self._zeros == 0 and self._jumped_at is None
             return step * 1e-9
         elif step == 0:
             self.counts.duplicate += 1
@@ -93,6 +100,7 @@ class StampGate:
         """The clock went back: so will the stamps, and then even by little it is a restart."""
         self.counts.clock_jumps += 1
         self._jumped_at = self.last
+        self._steady = False
 
 
 def steps(stamps: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -417,11 +417,14 @@ class StatefulFilter(KernelFilter):
         if state.row > 0.0:
             note(self._memory.log, state, accel, mag)
 
+    def _changed(self) -> None:
+        super()._changed()
+        self._unit = self._gains.normalise and self._gains.stateful
+
     @property
     def rotor(self) -> Rotor:
         """See `KernelFilter`."""
-        normalised = self._gains.normalise and self._gains.stateful
-        return self._state.rotor if normalised else unit(self._state.rotor)
+        return self._state.rotor if self._unit else unit(self._state.rotor)
 
     def run(self, samples: Samples) -> Array:
         """Rotors (n, 4) for a whole recording, from a fresh start; compiled where numba is."""
