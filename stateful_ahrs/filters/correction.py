@@ -24,6 +24,7 @@ from .senses import LEVEL, LOW_PASS, UP, WEAKEST, Senses, heard, usable
 from .spikes import ZERO, is_glitch
 
 NEARLY_UPRIGHT = 0.01  # square of the tangent of the angle to the vertical
+FAR = 0.999  # square of a rotor's length: below it, one between two others is made a unit again
 UPSIDE_DOWN = 1e-3  # less than this of up above the opposite of the vertical tells no axis
 
 
@@ -162,15 +163,16 @@ def uprighted(up: Vector, part: float) -> Rotor:
 
 
 def turned_north(change: Rotor, north: float, west: float, part: float) -> Rotor:
-    """``change``, and after it ``part`` of the turn from a measured, level, unit north to the true.
+    """``change``, and after it ``part`` of the turn from a measured north to the true one.
 
-    That is about the vertical, and between the rotors of no turn and of the whole one.
+    The measured one is level and of length one. The turn is about the vertical, between the rotors
+    of no turn and of the whole one; ``change`` is one about a level axis.
     """
     cosine, sine = 1.0 - 0.5 * part * (1.0 - north), -0.5 * part * west
     square = cosine * cosine + sine * sine
     if square < 1e-12:
         cosine, sine = 0.0, 1.0  # it is opposite
-    elif part == 1.0:
+    elif square < FAR:
         s = 1.0 / math.sqrt(square)
         cosine, sine = s * cosine, s * sine
     w, x, y, _ = change

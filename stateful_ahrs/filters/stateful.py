@@ -20,9 +20,9 @@ Deviations from the paper
   heading: the snapshot is then taken with the north that the gyroscope predicts.
 
 Not in the paper, each with a switch in `Settings`, all off where the filter is called the paper's:
-the slow room's parts; single bad samples taken back (`spikes`); up low-passed; a heading that is
-corrected slower (or faster) than tilt, by a north between the predicted and the measured one; the
-rotor normalised after each blend; a start that is the mean of all samples so far.
+the slow room's parts; single bad samples taken back (`spikes`); up low-passed, and heading
+corrected slower (or faster) than tilt (`correction`); the rotor normalised after each blend; a
+start that is the mean of all samples so far.
 """
 
 from __future__ import annotations
