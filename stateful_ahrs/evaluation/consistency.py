@@ -23,8 +23,8 @@ import numpy as np
 from ..filters.compiled import run_steps
 from ..filters.frames import WorldFrame
 from ..filters.samples import Array, Samples
+from ..filters.senses import FASTEST
 from ..filters.stamps import steps
-from ..filters.stateful import FASTEST
 from ..rotor import IDENTITY, Rotor, Vector, from_rate, product, rotate, unit
 from ..snapshot.dcm import dcm
 from .metrics import Mask, Truth

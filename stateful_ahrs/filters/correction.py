@@ -8,7 +8,8 @@ frame, from what is predicted to what is seen. So
 and where ``δ`` has w ≥ 0 the snapshot is the one of its two that continues ``p`` (eq. 3–4).
 Here ``δ`` is a turn about a level axis, which brings up to the vertical, and after it one about
 the vertical, which brings north to the north, and each is blended by itself: so heading may have
-an α of its own, and is corrected where a magnetic field comes, for all the time since the last.
+an α of its own, and is corrected where a magnetic field comes, for the time since the last, but no
+longer than `mag_timeout`.
 
 In the earth frame gravity stands still and motion averages out, so up may be low-passed there.
 """
@@ -19,8 +20,8 @@ import math
 
 from ..rotor import IDENTITY, Rotor, Vector, rotate, slightly
 from .gains import Gains, part_of_heading
-from .learning import Learned
-from .senses import LEVEL, LOW_PASS, UP, WEAKEST, Senses, heard, usable
+from .learning import LEVEL, LOW_PASS, Learned
+from .senses import UP, WEAKEST, Senses, heard, usable
 from .spikes import ZERO, is_glitch
 
 NEARLY_UPRIGHT = 0.01  # square of the tangent of the angle to the vertical

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from .learning import Chosen, Learned, chosen
-from .senses import LOW_PASS, Sources, sources
+from .learning import LOW_PASS, Chosen, Learned, chosen
+from .senses import Sources, sources
 from .settings import Settings
 
 START = 1.0  # s: the mean of all snapshots
@@ -43,6 +43,7 @@ def gains(settings: Settings) -> Gains:
     learns = settings.learns and settings.stateful
     taught = chosen(settings) if learns else Chosen(False, False, False, False)
     apart = settings.low_pass or settings.despike or settings.alpha_heading >= 0.0
+    turns = settings.stateful and (apart or learns)
     return Gains(
         sources(settings),
         float(settings.alpha),
@@ -52,12 +53,17 @@ def gains(settings: Settings) -> Gains:
         settings.normalise,
         settings.average_start,
         settings.despike,
-        settings.low_pass,
+        settings.low_pass and turns,
         settings.corrects,
         learns,
-        settings.stateful and (apart or learns),
+        turns,
         taught,
     )
+
+
+def plain_gains(settings: Settings) -> Gains:
+    """The same for a kernel that knows the plain blend alone."""
+    return gains(settings)._replace(turns=False)
 
 
 def weight_of_gyro(alpha: float, alpha_rate: float, span: float) -> float:
@@ -90,14 +96,17 @@ def part_of_heading(
 
     Left to itself, heading is never corrected faster than tilt is (1/s).
     """
-    if gains.average_start and elapsed < START_LOW_PASSED:
-        if gains.low_pass:
-            return min(1.0, NEWER * span / elapsed)
-        if elapsed < START:
-            return min(1.0, span / elapsed)
-    if gains.alpha_heading >= 0.0:
+    if gains.low_pass and gains.average_start and elapsed < START_LOW_PASSED:
+        return min(1.0, NEWER * span / elapsed)
+    if gains.alpha >= 1.0:
+        part = 0.0
+    elif gains.alpha_heading >= 0.0:
         kept = weight_of_gyro(gains.alpha_heading, gains.alpha_rate, span)
-        return learned.trust * (1.0 - kept)
-    if gains.chosen.weigh:
-        return min(1.0, span * min(learned.heading_rate, tilt_rate))
-    return 1.0 - weight_of_gyro(gains.alpha, gains.alpha_rate, span)
+        part = learned.trust * (1.0 - kept)
+    elif gains.chosen.weigh:
+        part = min(1.0, span * min(learned.heading_rate, tilt_rate))
+    else:
+        part = 1.0 - weight_of_gyro(gains.alpha, gains.alpha_rate, span)
+    if gains.average_start and not gains.low_pass and elapsed < START:
+        part = min(1.0, max(part, span / elapsed))
+    return part

@@ -19,7 +19,6 @@ import math
 from typing import NamedTuple, Protocol
 
 from ..rotor import Rotor, Vector
-from .senses import LEVEL, LOW_PASS
 from .settings import NOTHING, Known, Settings
 
 WINDOW = 0.5  # s
@@ -56,9 +55,11 @@ REST_ACCEL_NOISE = 0.25  # m/s² rms about the mean
 REST_WINDOWS = 4
 REST_VARIANCE = (0.015 * DEGREE) ** 2  # (rad/s)² s
 # Tilt from the low-passed acceleration.
+LOW_PASS = 2.0  # s
 TILT_VARIANCE = 0.02**2  # rad² of one window
 TILT_PER_MOTION = 0.01  # share of the variance of horizontal acceleration, in g²
 # Heading from the magnetometer.
+LEVEL = 1e-3  # of the field: a smaller level part has no north
 HEADING_VARIANCE = (12.0 * DEGREE) ** 2  # rad² s
 SETTLING = 4.0  # s in which a start is trusted less
 # Delay.

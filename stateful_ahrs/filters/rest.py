@@ -27,7 +27,10 @@ class RestWindow:
         self._most = 2 * SAMPLES
 
     def add(self, rate: Vector, dt: float) -> None:
-        """Take raw rates (rad/s), ``dt`` s after the last; 0 or a value not finite forgets all."""
+        """Take raw rates (rad/s), ``dt`` s after the last.
+
+        A 0 or a value not finite begins the rest anew.
+        """
         self._rates.append((dt, rate))
         if len(self._rates) > self._most:  # seldom: what is older is looked for then
             self._rates = self._last()

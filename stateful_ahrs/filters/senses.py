@@ -27,8 +27,6 @@ from .settings import NORTH, Settings
 UP: Vector = (0.0, 0.0, 1.0)
 FASTEST = 1e3  # rad/s; no gyroscope measures more
 WEAKEST, STRONGEST = 0.05, 400.0  # m/s²: free fall has no up, and 40 g are no acceleration
-LOW_PASS = 2.0  # s
-LEVEL = 1e-3  # of the field: a smaller level part has no north
 
 
 class Senses(NamedTuple):

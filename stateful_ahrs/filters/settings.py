@@ -35,15 +35,16 @@ class Settings:
     alpha: float = 0.9967  # weight of the gyroscope path over 1 / alpha_rate
     alpha_rate: float = 100.0  # Hz; 0: alpha applies to each sample, as in the paper
     alpha_heading: float = -1.0  # the same for heading; negative: as weigh_mag finds, or alpha
-    stateful: bool = True  # False: the snapshot keeps its own sign, the paper's baseline
+    # False: the snapshot keeps its own sign, the paper's baseline, without low_pass, alpha_heading
+    stateful: bool = True
     use_mag: bool = True
     mag_timeout: float = 0.5  # older than this a magnetometer sample is stale
     north_at_start: Vector = NORTH  # sensor axis taken for north until a magnetometer tells
     # Not in the paper; of `stateful` alone, but for the second. All off is the paper's filter:
-    normalise: bool = True  # after each blend, if stateful
+    normalise: bool = True  # after each blend, if stateful; one that is a turn needs it and has it
     average_start: bool = True  # in the first second or two a mean of all samples
-    despike: bool = True  # a rate or a field that no neighbour confirms is taken back
-    low_pass: bool = True  # of up, in axes that the gyroscope carries along
+    despike: bool = True  # a rate, force or field that no neighbour confirms is taken back
+    low_pass: bool = True  # of up, in the earth frame
     learn_bias: bool = True  # the gyroscope's, at rest and on the way
     learn_misalignment: bool = True  # of the gyroscope's axes, and their scale
     learn_mag: bool = True  # the magnetometer's delay and the hard iron left over

@@ -71,11 +71,11 @@ def to_neighbours(last: Vector, before: Vector, after: Vector, jump: float) -> V
 
 
 def is_glitch(mag: Vector, last: Vector, age: float, dt: float) -> bool:
-    """Whether a field differs by more than itself from a last good one, ``age`` s old.
+    """Whether a field differs by more than itself from a last good one, ``age`` s old; no if none.
 
     Both are in the earth frame.
     """
-    if not (age - dt < STAYS and dt < SHORT):
+    if last == ZERO or not (age - dt < STAYS and dt < SHORT):
         return False
     return square(minus(mag, last)) > min(square(mag), square(last))
 

@@ -57,9 +57,9 @@ from .gains import (
     at_start,
     gains,
     paced,
+    plain_gains,
     weight_of_gyro,
 )
-from .kernel import NO_MAG as NO_MAG
 from .kernel import Kernel, KernelFilter, Report
 from .learning import (
     COLUMNS,
@@ -78,10 +78,6 @@ from .learning import (
     start_anew,
 )
 from .samples import Array, Samples
-from .senses import FASTEST as FASTEST
-from .senses import STRONGEST as STRONGEST
-from .senses import UP as UP
-from .senses import WEAKEST as WEAKEST
 from .senses import Senses, held, look, usable
 from .settings import DEFAULTS, Known
 from .settings import Settings as Settings
@@ -217,8 +213,7 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
         if begins:
             if starts:
                 elapsed = 0.0
-                if turns:
-                    earth = (rotate(rotor, accel), 0.0, rotate(rotor, senses.mag))
+                earth = (rotate(rotor, accel), 0.0, rotate(rotor, senses.mag))
         elif found:
             if senses.turned and not stateful:
                 rotor = negative(rotor)
@@ -367,12 +362,12 @@ def uncorrected(senses: Senses, earth: Earth, *_: object) -> tuple[Senses, Earth
 
 PLAIN = bind(step, corrected=uncorrected)  # as `step` if the gains have no ``turns``
 STATEFUL = Kernel(step, State(), gains)
-PRINTED = Kernel(bind(PLAIN, predict=predict_as_printed), State(), gains)
+PRINTED = Kernel(bind(PLAIN, predict=predict_as_printed), State(), plain_gains)
 
 
 def over(snapshot: Callable[..., Any]) -> Kernel:
     """The filter over another snapshot than the direct one (eq. 5–10)."""
-    return Kernel(bind(PLAIN, look=bind(look, snapshot=snapshot)), State(), gains)
+    return Kernel(bind(PLAIN, look=bind(look, snapshot=snapshot)), State(), plain_gains)
 
 
 @dataclass(frozen=True)
@@ -419,6 +414,9 @@ class StatefulFilter(KernelFilter):
 
     def _changed(self) -> None:
         super()._changed()
+        if self._gains.turns:  # which takes a rotor of length one
+            self._state = self._state._replace(rotor=unit(self._state.rotor))
+            self._before = self._before._replace(rotor=unit(self._before.rotor))
         self._unit = self._gains.normalise and self._gains.stateful
 
     @property

@@ -183,7 +183,7 @@ class Fusion(Node):
     def _orientation_covariance(self) -> Any:
         """About the axes of the earth frame: x and y are tilt, z is heading."""
         own = self._filter.stddev
-        known = own is not None or self._filter.heading_known
+        known = self._filter.heading_known if own is None else own[1] < math.inf
         if (own, known) != self._covariance_of:
             self._covariance_of = own, known
             stddev = stddevs(own, known, self._chosen_stddev)
@@ -221,7 +221,8 @@ class Fusion(Node):
         if dt == 0.0:
             self._pairing.restart(stamp)
         self._rest.add(gyro, dt)
-        gyro = rotor.minus(gyro, self._bias)
+        if self._bias != ZERO:
+            gyro = rotor.minus(gyro, self._bias)
         mag = self._pairing.take(stamp)
         if mag is not None:
             self._filter.update_mag(mag)

@@ -456,6 +456,14 @@ def test_live_parameters_take_effect_with_the_next_sample(graph, sensor):
     assert answer.orientation_covariance[0] == pytest.approx(0.04)
 
 
+def test_a_chosen_deviation_is_for_a_heading_that_is_known(graph):
+    graph.start("fusion", orientation_stddev=0.1)
+    sensor = Sensor(graph)
+    for mag, yaw in ((None, math.pi), ((20e-6, 0.0, -40e-6), 0.1)):
+        covariance = sensor.send_all([START + len(sensor.heard) * PERIOD], mag=mag)
+        assert covariance.orientation_covariance[::4] == pytest.approx([0.01, 0.01, yaw**2])
+
+
 @both_lanes
 def test_axis_angle_and_euler_angles_follow_the_orientation(graph, fast):
     graph.start("fusion", world_frame="nwu", fast_lane=fast)

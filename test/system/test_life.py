@@ -1,5 +1,6 @@
 """How nodes start and end, and what they publish for."""
 
+import gc
 import subprocess
 import sys
 
@@ -13,6 +14,7 @@ from rclpy import event_handler
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.task import Future
 from scenarios import TURNS
 from sensor_msgs.msg import Imu
 
@@ -37,8 +39,18 @@ def test_a_node_runs_on_the_plain_executor_where_there_is_no_other(monkeypatch):
     with life.graph():
         executor, reason = life.fastest_executor()
         node = Node("plain")
-        node.create_timer(0.01, rclpy.shutdown)
+        called, kept = [], []
+
+        def call():
+            called.append(1)
+            if len(called) == 100:
+                futures = (each for each in gc.get_objects() if type(each) is Future)
+                kept.extend(len(each._callbacks) for each in futures)
+                rclpy.shutdown()
+
+        node.create_timer(0.001, call)
         life.spin(node)
+    assert max(kept, default=0) < 10  # nothing that grows with what was called
     assert isinstance(executor, SingleThreadedExecutor)
     assert "this rclpy has no EventsExecutor" in reason
 
