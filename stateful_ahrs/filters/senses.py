@@ -33,7 +33,7 @@ class Senses(NamedTuple):
     """What a filter remembers of its samples."""
 
     rate: Vector = (0.0, 0.0, 0.0)  # the last good one, rad/s
-    mag: Vector = NORTH  # the last good one, carried along by the gyroscope
+    mag: Vector = NORTH  # the last good one, carried along by the gyroscope (but in `correction`)
     mag_age: float = math.inf  # s
     started: bool = False  # tilt is known
     heading_known: bool = False  # a magnetometer has told north since the start
