@@ -136,6 +136,15 @@ def test_another_encoding_leaves_the_fast_lane_and_is_counted(tmp_path):
         assert (fast.slow, fast.malformed) == (before + 1, 0)
 
 
+def test_nanoseconds_beyond_a_second_are_malformed():
+    data = bytearray(serialize_message(Lane().imu(*arguments(random.Random(1), Lane()))))
+    struct.pack_into("<iI", data, 4, 2**31 - 1, 2**32 - 1)
+    fast = FastLane()
+    assert fast.inertial(bytes(data)) is None
+    assert fast.magnetic(bytes(data)) is None
+    assert (fast.slow, fast.malformed) == (0, 2)
+
+
 @pytest.mark.parametrize("data", [b"", b"\x00\x01", b"\x00\x01\x00\x00" + bytes(50)])
 def test_what_nobody_can_read_is_none_and_counted(data):
     fast = FastLane()

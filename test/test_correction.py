@@ -178,6 +178,32 @@ def test_a_live_switch_to_the_stateful_rotor_rejects_nothing_and_keeps_the_attit
     assert f.report.mag_rejected == 0
 
 
+@pytest.mark.parametrize("off", [{"stateful": False}, {"alpha": 1.0}])
+def test_learning_that_is_switched_on_again_starts_from_what_is_seen(off):
+    none = dict.fromkeys(("learn_bias", "learn_misalignment", "learn_mag", "weigh_mag"), False)
+    f = filters.make("stateful")
+    fed(f, [at_rest()] * 500)
+    f.settings = Settings(**none, **off)
+    gyro, accel, mag = at_rest(2.5)  # turned meanwhile, by more than the gyroscope says
+    fed(f, [((0.0, 0.0, -1.0), accel, mag)] * 250)
+    f.settings = Settings()
+    heading = fed(f, [(gyro, accel, mag)] * 100)
+    assert math.cos(heading - 2.5) == pytest.approx(1.0, abs=1e-4)
+    assert f.stddev[1] > math.radians(5.0)
+
+
+@pytest.mark.parametrize("force", [39.0, 157.0, 390.0])
+@pytest.mark.parametrize("restart", [0, 300])
+def test_a_bad_first_force_is_forgotten_at_once(force, restart):
+    f = filters.make("stateful")
+    fed(f, [at_rest()] * restart)
+    gyro, _, mag = at_rest()
+    f.update_mag(mag)
+    f.update_imu(gyro, (force, 0.0, 0.0), 0.0)
+    fed(f, [at_rest()] * 10)
+    assert difference(f.rotor, IDENTITY) < 1e-3
+
+
 def test_a_stateless_filter_takes_no_force_back_that_it_has_not_low_passed():
     ends = []
     for despike in (True, False):

@@ -26,6 +26,7 @@ from .spikes import ZERO, is_glitch
 
 NEARLY_UPRIGHT = 0.01  # square of the tangent of the angle to the vertical
 FAR = 0.999  # square of a rotor's length: below it, one between two others is made a unit again
+MUCH = 0.9  # a smaller weight of the gyroscope path takes much of the snapshot
 UPSIDE_DOWN = 1e-3  # less than this of up above the opposite of the vertical tells no axis
 
 
@@ -94,6 +95,8 @@ def corrected(
         fresh = heard(mag)
         if fresh:
             x, y, z = rotate(predicted, mag)
+            if weight < MUCH:  # then level is where up is now, not where it was predicted
+                x, y, z = slightly(change, (x, y, z))
             level = x * x + y * y
             fresh = level > LEVEL * LEVEL * (level + z * z)  # else it is along gravity
             if fresh and gains.despike:

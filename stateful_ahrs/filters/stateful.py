@@ -29,7 +29,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -183,7 +183,8 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
                 turn = product(way_back(last.rate, seen, rate), turn)
             if low_pass and is_far(accel, seen[2], JUMP_OF_FORCE):
                 accel = put_right(seen, turn, accel)
-        seen = (last.rate, dt, force, seen[2])
+        # What a start takes is in no low-pass, and nothing has turned by it.
+        seen = (last.rate, dt, force, seen[2]) if dt > 0.0 else (last.rate, 0.0, ZERO, ZERO)
     predicted = predict(rotor, turn)
     if dt != pace[0]:
         pace = paced(gains, dt)
@@ -396,6 +397,7 @@ class StatefulFilter(KernelFilter):
 
     def __init__(self, settings: Settings = DEFAULTS, **fixed: Any) -> None:
         self._memory = memory()
+        self._was = STATEFUL.gains(settings)
         super().__init__(STATEFUL, settings, **fixed)
 
     def reset(self) -> None:
@@ -414,10 +416,23 @@ class StatefulFilter(KernelFilter):
 
     def _changed(self) -> None:
         super()._changed()
-        if self._gains.turns:  # which takes a rotor of length one
+        gains, was = self._gains, self._was
+        self._was = gains
+        if gains.turns and not was.turns:  # of a rotor of length one, with a fresh mean of up
             self._state = self._state._replace(rotor=unit(self._state.rotor))
             self._before = self._before._replace(rotor=unit(self._before.rotor))
+            self._put(earth=NO_EARTH)
+        if gains.learns and not was.learns:  # nobody has watched the attitude: as after a start
+            room, learned = start_anew(self._memory, self._state.room, self._state.learned)
+            senses = self._state.senses._replace(heading_known=False)
+            self._put(room=room, learned=learned, past=NO_PAST, row=0.0, due=False)
+            self._put(senses=senses, elapsed=0.0)
         self._unit = self._gains.normalise and self._gains.stateful
+
+    def _put(self, **parts: Any) -> None:
+        """Other parts of the state, also for a sample that is taken again."""
+        self._state = self._state._replace(**parts)
+        self._before = self._before._replace(**parts)
 
     @property
     def rotor(self) -> Rotor:
@@ -474,6 +489,8 @@ class StatefulFilter(KernelFilter):
     def report(self) -> Report:
         """What the filter has to say of itself and of its sensors."""
         report = super().report
+        if self._gains.alpha >= 1.0 and not self._gains.learns:
+            report = replace(report, heading_from_mag=False)
         if not self._gains.learns:
             return report
         learned, known = self._state.learned, self.known

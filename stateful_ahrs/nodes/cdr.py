@@ -57,7 +57,7 @@ def inertial(data: bytes) -> Inertial:
         )
     except struct.error:
         raise ForeignError from None
-    if kind != ENCAPSULATION:
+    if kind != ENCAPSULATION or nanosec >= SECOND:
         raise ForeignError
     return (
         sec * SECOND + nanosec,
@@ -77,7 +77,7 @@ def magnetic(data: bytes) -> Magnetic:
         ).unpack_from(data)
     except struct.error:
         raise ForeignError from None
-    if kind != ENCAPSULATION:
+    if kind != ENCAPSULATION or nanosec >= SECOND:
         raise ForeignError
     return Magnetic(sec * SECOND + nanosec, NONE if variance == -1.0 else (x, y, z))
 

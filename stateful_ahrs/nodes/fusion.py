@@ -230,10 +230,14 @@ class Fusion(Node):
         started = self._filter.started
         if started:
             self._orientation = self._world.update(attitude)
-        if self._imu_out.wanted:
-            self._publish(sample, stamp, rotor.minus(gyro, self._filter.bias), started)
-        if started:
-            self._publish_derived(sample[1], stamp)
+        try:
+            if self._imu_out.wanted:
+                self._publish(sample, stamp, rotor.minus(gyro, self._filter.bias), started)
+            if started:
+                self._publish_derived(sample[1], stamp)
+        except RuntimeError:
+            if self.context.ok():
+                raise  # else ROS was shut down since the sample came
 
     def _on_mag(self, message: Any) -> None:
         self._mag_count += 1
@@ -349,6 +353,8 @@ class Fusion(Node):
         try:
             if not path:
                 raise UsageError("calibration_file is empty: start fusion with the file to write.")
+            if not self._filter.started:
+                raise UsageError("no usable sample yet: nothing has been learned.")
             if known is None:
                 raise UsageError(f"filter {self._chosen['filter']} learns nothing of the sensors.")
             known = replace(known, bias=rotor.total(known.bias, self._bias))

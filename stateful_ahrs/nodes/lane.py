@@ -7,7 +7,7 @@ understands.
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from geometry_msgs.msg import Vector3Stamped
@@ -113,25 +113,23 @@ class FastLane(Lane):
         try:
             return cdr.inertial(message)
         except cdr.ForeignError:
-            rewritten = self._rewritten(message, Imu)
-            return None if rewritten is None else cdr.inertial(rewritten)
+            return self._rewritten(message, Imu, cdr.inertial)
 
     def magnetic(self, message: bytes) -> Magnetic | None:
         try:
             return cdr.magnetic(message)
         except cdr.ForeignError:
-            rewritten = self._rewritten(message, MagneticField)
-            return None if rewritten is None else cdr.magnetic(rewritten)
+            return self._rewritten(message, MagneticField, cdr.magnetic)
 
-    def _rewritten(self, message: bytes, kind: type) -> bytes | None:
-        """The message as ROS reads it and writes it itself."""
+    def _rewritten(self, message: bytes, kind: type, read: Callable[[bytes], Any]) -> Any:
+        """Read the message as ROS reads it and writes it itself; None if it is malformed."""
         try:
-            rewritten: bytes = serialize_message(deserialize_message(message, kind))
+            found = read(serialize_message(deserialize_message(message, kind)))
         except Exception:  # each middleware has its own
             self.malformed += 1
             return None
         self.slow += 1
-        return rewritten
+        return found
 
 
 def choose(fast: bool) -> Lane:
