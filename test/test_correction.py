@@ -97,10 +97,10 @@ def test_it_is_the_paper_s_blend(name):
 # The filter that uses it, at rest: level, and turned about the vertical by ``heading``.
 
 
-def at_rest(heading=0.0, mag=True):
+def at_rest(heading=0.0, mag=True, down=-40e-6):
     """Rate, force, field (NaN without a magnetometer)."""
     c, s = math.cos(heading), math.sin(heading)
-    field = (20e-6 * c, -20e-6 * s, -40e-6) if mag else (math.nan,) * 3
+    field = (20e-6 * c, -20e-6 * s, down) if mag else (math.nan,) * 3
     return (0.0, 0.0, 0.0), (0.0, 0.0, 9.81), field
 
 
@@ -146,10 +146,20 @@ def test_where_alpha_is_one_nothing_is_corrected():
     assert fed(f, [at_rest(0.5)] * 200) == 0.0
 
 
+def test_without_a_weight_of_the_gyroscope_it_is_the_snapshot():
+    sample = ((0.1, -0.2, 0.3), (2.0, -3.0, 8.0), (15e-6, 9e-6, -35e-6))
+    found = []
+    for name in ("stateful", "paper"):
+        f = filters.make(name, unlearning(alpha=0.0, low_pass=False))
+        fed(f, [at_rest(), sample])
+        found.append(f.rotor)
+    assert difference(*found) < 1e-6
+
+
 def test_a_first_heading_is_taken_whole_and_the_next_field_believed():
     f = filters.make("stateful")
     fed(f, [at_rest(mag=False)] * 100)
-    heading = fed(f, [at_rest(3.0)] * 2)
+    heading = fed(f, [at_rest(3.0, down=0.0)] * 2)
     assert math.cos(heading) == pytest.approx(math.cos(3.0), abs=1e-6)
     assert f.report.mag_rejected == 0
 
