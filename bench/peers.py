@@ -144,7 +144,7 @@ PEERS = (
         "Mahony",
         "ahrs",
         mahony,
-        tuple({"k_P": k_p, "k_I": k_i} for k_p in (0.1, 0.3) for k_i in (0.0, 0.03)),
+        tuple({"k_P": k_p, "k_I": k_i} for k_p in (0.1, 0.3) for k_i in (1e-6, 0.03)),
     ),
     Peer(
         "EKF",
