@@ -54,7 +54,10 @@ def player(context: LaunchContext) -> list[Node]:
 
 
 def end_all(event: ProcessExited, context: LaunchContext) -> Shutdown | None:
-    """End the launch with the node, and as an error if that failed."""
+    """End the launch with the node, and as an error if that failed.
+
+    Each launch file has its own: the Python that launches need not have this package.
+    """
     if context.is_shutdown:
         return None
     if event.returncode:

@@ -62,8 +62,8 @@ def gains(settings: Settings) -> Gains:
 
 
 def plain_gains(settings: Settings) -> Gains:
-    """The same for a kernel that knows the plain blend alone."""
-    return gains(settings)._replace(turns=False)
+    """The same for a kernel that knows the plain blend alone, and no slow room."""
+    return gains(settings)._replace(turns=False, low_pass=False, learns=False)
 
 
 def weight_of_gyro(alpha: float, alpha_rate: float, span: float) -> float:
