@@ -45,7 +45,7 @@ test-ubuntu:
 bench: $(PEERS)
 	@$(RUN) -m bench --json bench.json --minutes $(MINUTES) $(if $(QUICK),--quick)
 
-# The tables of docs/accuracy.md, in half an hour; DATA is the folder of BROAD's .mat files.
+# The tables of docs/accuracy.md, in a quarter of an hour; DATA is the folder of BROAD's .mat files.
 accuracy: $(PEERS)
 	@$(RUN) -m bench.accuracy "$(DATA)" --page
 

@@ -306,7 +306,7 @@ def main() -> None:
             f"accuracy: {options.folder} has no .mat: name the folder of BROAD's trials (DATA=)."
         )
     if options.page:
-        for name in TABLES:  # before half an hour, not after it
+        for name in TABLES:  # before the runs, not after them
             put(PAGE.read_text(), name, "")
     only = {name for name in options.peers.split(",") if name} | {BESIDE[0]}
     if unknown := only - set(peers()):
