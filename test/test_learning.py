@@ -17,7 +17,7 @@ from stateful_ahrs import filters, rotor
 from stateful_ahrs.evaluation.metrics import Truth
 from stateful_ahrs.evaluation.score import prepare, score
 from stateful_ahrs.filters import Settings
-from stateful_ahrs.filters.learning import SIZES
+from stateful_ahrs.filters.learning import SIZE
 from stateful_ahrs.filters.samples import Samples
 from stateful_ahrs.filters.settings import Known
 from stateful_ahrs.filters.stateful import StatefulFilter
@@ -49,8 +49,9 @@ def recording(
     iron=(0.0, 0.0, 0.0),
     mag_every=1,
     start=0.0,
+    noise=1.0,
 ):
-    """Samples with the data sheet's noise and the errors named, and the true rotors."""
+    """Samples with the data sheet's noise, or so much of it, and the errors named; true rotors."""
     random = np.random.default_rng(1)
     times = start + np.arange(round(seconds * rate)) / rate
     truth = [motion.rotor(t) for t in times]
@@ -59,13 +60,13 @@ def recording(
     if misalignment is not None:
         rates = np.linalg.solve(np.eye(3) + misalignment, rates.T).T
     mag = np.array([felt(motion.rotor(t - delay))[1] for t in times]) + iron
-    mag += 0.6 * MICRO * random.normal(size=mag.shape)
+    mag += noise * 0.6 * MICRO * random.normal(size=mag.shape)
     mag[np.arange(len(times)) % mag_every != 0] = np.nan
     accel = np.array([felt(q)[0] for q in truth])
     samples = Samples(
         (1e9 + times * 1e9).round().astype(np.int64),
-        rates + bias + 0.1 * DEGREE * random.normal(size=rates.shape),
-        accel + 0.05 * random.normal(size=accel.shape),
+        rates + bias + noise * 0.1 * DEGREE * random.normal(size=rates.shape),
+        accel + noise * 0.05 * random.normal(size=accel.shape),
         mag,
     )
     return samples, truth
@@ -419,22 +420,32 @@ def test_any_alpha_makes_a_filter(settings):
     assert rms(errors_deg(filters.make("stateful", settings).run(samples), truth)[500:]) < 1.0
 
 
-@pytest.mark.parametrize("every", [2, 3, 6])
-def test_a_recording_decimated_loses_at_most_5_percent(learning, every):
-    samples, truth = recording(60.0, rate=300, bias=(0.01, 0.01, -0.01), delay=0.012)
-    samples.mag[:] += np.array((3.0, -2.0, 1.0)) * MICRO
-    whole = rms(errors_deg(learning.run(samples), truth)[900:])
-    # rates are means over the step, as a gyroscope's own low-pass makes them
-    gyro = samples.gyro.reshape(-1, every, 3).mean(axis=1)[:-1]
-    last = slice(every - 1, None, every)
-    few = Samples(
-        samples.stamps[last][:-1],
-        gyro,
-        np.ascontiguousarray(samples.accel[last][:-1]),
-        np.ascontiguousarray(samples.mag[last][:-1]),
-    )
-    part = rms(errors_deg(learning.run(few), truth[last][:-1])[900 // every :])
-    assert part < 1.05 * whole
+def test_a_recording_decimated_loses_at_most_5_percent(learning):
+    ideal, truth = recording(60.0, rate=300, bias=(0.01, 0.01, -0.01), delay=0.012, noise=0.0)
+    ideal.mag[:] += np.array((3.0, -2.0, 1.0)) * MICRO
+    random = np.random.default_rng(1)
+    scores = {1: [], 2: [], 3: [], 6: []}
+    for _ in range(20):  # each by itself is up to a third better or worse
+        normal = random.normal(size=(3, len(ideal), 3))
+        noisy = Samples(
+            ideal.stamps,
+            ideal.gyro + 0.1 * DEGREE * normal[0],
+            ideal.accel + 0.05 * normal[1],
+            ideal.mag + 0.6 * MICRO * normal[2],
+        )
+        for every, own in scores.items():
+            last = slice(every - 1, None, every)
+            few = Samples(
+                noisy.stamps[last],
+                # rates are means over the step, as a gyroscope's own low-pass makes them
+                noisy.gyro.reshape(-1, every, 3).mean(axis=1),
+                np.ascontiguousarray(noisy.accel[last]),
+                np.ascontiguousarray(noisy.mag[last]),
+            )
+            seen = slice(900 // every, None, 60 // every)
+            own.append(rms(errors_deg(learning.run(few)[seen], truth[last][seen])))
+    whole, *decimated = (np.mean(own) for own in scores.values())
+    assert max(decimated) < 1.05 * whole
 
 
 @pytest.mark.parametrize("rate", [25, 50, 200])
@@ -556,7 +567,7 @@ def test_a_day_neither_drifts_nor_grows():
     last = estimate[-len(samples) :]
     assert np.abs(np.sum(last**2, axis=1) - 1.0).max() < 1e-9
     assert rms(errors_deg(last, truth)) < 0.5
-    assert [len(part) for part in f._memory] == list(SIZES)
+    assert len(f._memory) == SIZE
 
 
 def _columns(samples):

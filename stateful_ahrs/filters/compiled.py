@@ -79,15 +79,38 @@ def compiled(
     with_compiled = twin(
         kernel, called, kernel.__qualname__ + "_inline" * inline + "_fused" * fused
     )
+    return _jit(numba, inline, fused)(with_compiled)  # type: ignore[no-any-return]
+
+
+def packed(kernel: Callable[..., Any], *like: Any) -> Callable[..., Any]:
+    """The kernel as one function, compiled now and for arguments like these.
+
+    What it does alike to neighbours in an array becomes one operation on all of them: half the time
+    of what works on matrices, but what works on tuples it slows down, so numba leaves it alone.
+    """
+    numba = _numba()
+    if numba is None:
+        return kernel
+    called = {name: compiled(value, True, True) for name, value in kernels_of(kernel).items()}
+    one = _jit(numba, False, True)(twin(kernel, called, kernel.__qualname__ + "_packed"))
+    usual = numba.config.SLP_VECTORIZE
+    numba.config.SLP_VECTORIZE = 1
+    try:
+        one.compile(tuple(numba.typeof(each) for each in like))
+    finally:
+        numba.config.SLP_VECTORIZE = usual
+    return one  # type: ignore[no-any-return]
+
+
+def _jit(numba: Any, inline: bool, fused: bool) -> Any:
     # Kernels divide by nothing that can be zero, so numba need not look.
-    jit = numba.njit(
+    return numba.njit(
         cache=True,
         nogil=True,
         error_model="numpy",
         forceinline=inline,
         fastmath={"contract"} if fused else False,
     )
-    return jit(with_compiled)  # type: ignore[no-any-return]
 
 
 def kernels_of(kernel: Callable[..., Any]) -> dict[str, FunctionType]:

@@ -9,8 +9,9 @@ from the known error. So what is learned does not depend on how the fast path is
 The magnetometer's delay, a hard iron left over and how far the field can be trusted are learned
 beside it. Everything is in SI units and in time (or in turn of the field), never in samples.
 
-Matrices lie flat, row by row, in a `Memory` that is changed in place: lists of floats live, where
-they are faster than arrays, and arrays where compiled.
+What it keeps lies flat in one memory that is changed in place: a list of floats live, where that is
+faster than an array, and an array where compiled. Matrices lie in it row by row, and their columns
+are summed four at a time, which compiled is one operation.
 """
 
 from __future__ import annotations
@@ -22,12 +23,15 @@ from ..rotor import Rotor, Vector
 from .settings import NOTHING, Known, Settings
 
 WINDOW = 0.5  # s
-ROWS = 128  # of the log; it takes one row in ROW_TIME
-ROW_TIME = 0.018  # s
+ROWS = 32  # of the log; it takes one row in ROW_TIME
+ROW_TIME = 0.037  # s
 COLUMNS = 14  # rotor 4, gyro 3, accel 3, mag 3, time since the last row
 REGAINED = 0.25  # of the heading that a sudden magnet took before anyone looked back
-STATES = 15  # δ 3, b 3, E 9
+STATES = 15  # δ, and for each axis of the gyroscope b and a row of E
 LEARNED = 12  # b and E
+AXIS = 4  # of them for each axis
+WIDTH = 16  # of the covariance: four times four
+DIAGONAL = WIDTH + 1  # from one variance to the next
 
 DEGREE = math.pi / 180.0
 GRAVITY = 9.81  # m/s²: only scales the disturbance of the accelerometer
@@ -103,25 +107,21 @@ class Floats(Protocol):
     def __setitem__(self, index: int, value: float, /) -> None: ...
 
 
-class Memory(NamedTuple):
-    """What the slow room keeps, flat and changed in place."""
-
-    log: Floats  # (ROWS, COLUMNS)
-    covariance: Floats  # (15, 15) of δ, b, E (row by row)
-    error: Floats  # (3,) δ that is known and not yet corrected
-    lag: Floats  # (2, 12) how far the low-passed up lags what b and E did
-    iron: Floats  # (4, 5) normal equations of the sphere about the hard iron
-    # For the time of a look back:
-    effect: Floats  # (3, 12) what b and E did to δ in the window
-    shift: Floats  # (3, 12)
-    state: Floats  # (15,)
-    row: Floats  # (15,)
-    cross: Floats  # (15,)
-    free: Floats  # (15,) 0: considered, but not corrected
-    solved: Floats  # (4, 5)
-
-
-SIZES = (ROWS * COLUMNS, 225, 3, 24, 20, 36, 36, 15, 15, 15, 15, 20)
+# What the slow room keeps, flat and changed in place, and where its parts begin.
+COVARIANCE = 0  # (16, 16) of δ and what is learned; the last row and column stay zero
+ERROR = COVARIANCE + WIDTH * WIDTH  # (3,) δ that is known and not yet corrected
+LAG = ERROR + 3  # (2, 12) how far the low-passed up lags what b and E did
+IRON = LAG + 2 * LEARNED  # (4, 5) normal equations of the sphere about the hard iron
+# For the time of a look back:
+EFFECT = IRON + 20  # (3, 12) what b and E did to δ in the window
+SHIFT = EFFECT + 3 * LEARNED  # (3, 12)
+STATE = SHIFT + 3 * LEARNED  # (16,)
+ROW = STATE + WIDTH  # (16,) of the matrix of a measurement
+CROSS = ROW + WIDTH  # (16,)
+FREE = CROSS + WIDTH  # (16,) 0: considered, but not corrected
+SOLVED = FREE + WIDTH  # (4, 5)
+LOG = SOLVED + 20  # (ROWS, COLUMNS) what the fast path took since the last look back
+SIZE = LOG + ROWS * COLUMNS
 
 
 class Learned(NamedTuple):
@@ -173,7 +173,7 @@ class Delay(NamedTuple):
 
 
 class Room(NamedTuple):
-    """What the slow room remembers beside its `Memory`."""
+    """What the slow room remembers beside its memory."""
 
     elapsed: float = 0.0  # s
     rest_windows: int = 0
@@ -204,9 +204,9 @@ class Window(NamedTuple):
     starting: bool
 
 
-def memory() -> Memory:
+def memory() -> Floats:
     """Nothing known yet."""
-    return Memory(*([0.0] * size for size in SIZES))
+    return [0.0] * SIZE
 
 
 def chosen(settings: Settings) -> Chosen:
@@ -216,18 +216,17 @@ def chosen(settings: Settings) -> Chosen:
     )
 
 
-def begin(memory: Memory, known: Known) -> tuple[Room, Learned]:
+def begin(memory: Floats, known: Known) -> tuple[Room, Learned]:
     """Forget everything but what an earlier run learned."""
-    for part, size in zip(memory, SIZES, strict=True):
-        for at in range(size):
-            part[at] = 0.0
+    for at in range(SIZE):
+        memory[at] = 0.0
     bias = BIAS_AT_START if known.bias == NOTHING.bias else BIAS_IF_KNOWN
     spread = MISALIGNMENT_AT_START
     if known.misalignment != NOTHING.misalignment:
         spread = MISALIGNMENT_IF_KNOWN
     forget_attitude(memory)
     for at in range(3, STATES):
-        memory.covariance[16 * at] = bias**2 if at < 6 else spread**2
+        memory[COVARIANCE + DIAGONAL * at] = (bias if at % AXIS == 3 else spread) ** 2
     (a, b, c), (d, e, f), (g, h, i) = known.misalignment
     delay = Delay()
     if known.mag_delay != 0.0:
@@ -239,20 +238,19 @@ def begin(memory: Memory, known: Known) -> tuple[Room, Learned]:
     return Room(iron_known=known.hard_iron, delay=delay), learned
 
 
-def forget_attitude(memory: Memory) -> None:
+def forget_attitude(memory: Floats) -> None:
     """Tilt and heading are unknown, and nothing correlates with them."""
-    covariance = memory.covariance
     for i in range(3):
         for j in range(STATES):
-            covariance[STATES * i + j] = covariance[STATES * j + i] = 0.0
-        memory.error[i] = 0.0
-    covariance[0] = covariance[16] = TILT_AT_START**2
-    covariance[32] = HEADING_AT_START**2
+            memory[COVARIANCE + WIDTH * i + j] = memory[COVARIANCE + WIDTH * j + i] = 0.0
+        memory[ERROR + i] = 0.0
+    memory[COVARIANCE] = memory[COVARIANCE + DIAGONAL] = TILT_AT_START**2
+    memory[COVARIANCE + 2 * DIAGONAL] = HEADING_AT_START**2
     for i in range(24):
-        memory.lag[i] = 0.0
+        memory[LAG + i] = 0.0
 
 
-def start_anew(memory: Memory, room: Room, learned: Learned) -> tuple[Room, Learned]:
+def start_anew(memory: Floats, room: Room, learned: Learned) -> tuple[Room, Learned]:
     """A new start with the same sensor: attitude and field unknown, calibration kept."""
     forget_attitude(memory)
     _, _, unit, iron_known, swaps, _, delay = room
@@ -267,51 +265,59 @@ def start_anew(memory: Memory, room: Room, learned: Learned) -> tuple[Room, Lear
     return room, learned
 
 
-def first_heading(memory: Memory, applied: Vector) -> None:
+def first_heading(memory: Floats, applied: Vector) -> None:
     """The fast path took its first heading whole: what was known of another one is void."""
     forget_heading(memory, HEADING_AT_START**2)
-    memory.error[0] -= applied[0]
-    memory.error[1] -= applied[1]
-    memory.error[2] = 0.0
+    memory[ERROR] -= applied[0]
+    memory[ERROR + 1] -= applied[1]
+    memory[ERROR + 2] = 0.0
 
 
-def forget_heading(memory: Memory, variance: float) -> None:
+def forget_heading(memory: Floats, variance: float) -> None:
     """Heading has this variance (rad²), and nothing correlates with it."""
-    covariance = memory.covariance
     for j in range(STATES):
-        covariance[STATES * 2 + j] = covariance[STATES * j + 2] = 0.0
-    covariance[32] = variance
+        memory[COVARIANCE + WIDTH * 2 + j] = memory[COVARIANCE + WIDTH * j + 2] = 0.0
+    memory[COVARIANCE + 2 * DIAGONAL] = variance
 
 
-def measure(memory: Memory, variance: float, value: float) -> float:
-    """One scalar Kalman update with ``memory.row``; returns 1 / (variance of the innovation)."""
-    state, covariance, row = memory.state, memory.covariance, memory.row
-    cross, free = memory.cross, memory.free
-    for i in range(STATES):
-        cross[i] = 0.0
+def measure(memory: Floats, variance: float, value: float) -> float:
+    """One scalar Kalman update with ``ROW``; returns 1 / (variance of the innovation)."""
+    for j in range(0, WIDTH, AXIS):
+        x = y = z = w = 0.0
+        for i in range(STATES):
+            r = memory[ROW + i]
+            if r != 0.0:
+                at = COVARIANCE + WIDTH * i + j
+                x += r * memory[at]
+                y += r * memory[at + 1]
+                z += r * memory[at + 2]
+                w += r * memory[at + 3]
+        at = CROSS + j
+        memory[at], memory[at + 1], memory[at + 2], memory[at + 3] = x, y, z, w
     for j in range(STATES):
-        r = row[j]
-        if r != 0.0:
-            at = STATES * j
-            for i in range(STATES):
-                cross[i] += r * covariance[at + i]
-    for j in range(STATES):
-        variance += row[j] * cross[j]
-        value -= row[j] * state[j]
+        variance += memory[ROW + j] * memory[CROSS + j]
+        value -= memory[ROW + j] * memory[STATE + j]
     scale = 1.0 / variance
     root = math.sqrt(scale)
     value *= root
     for i in range(STATES):
-        cross[i] *= root
-        state[i] += value * free[i] * cross[i]
-    for i in range(STATES):
-        at, c = STATES * i, cross[i]
-        if free[i] > 0.0:
-            for j in range(STATES):
-                covariance[at + j] -= c * cross[j]
-        else:
-            for j in range(STATES):
-                covariance[at + j] -= c * free[j] * cross[j]
+        memory[CROSS + i] *= root
+        memory[STATE + i] += value * memory[FREE + i] * memory[CROSS + i]
+    for j in range(0, WIDTH, AXIS):
+        at, free = CROSS + j, FREE + j
+        x, fx = memory[at], memory[at] * memory[free]
+        y, fy = memory[at + 1], memory[at + 1] * memory[free + 1]
+        z, fz = memory[at + 2], memory[at + 2] * memory[free + 2]
+        w, fw = memory[at + 3], memory[at + 3] * memory[free + 3]
+        x, y, z, w = x - fx, y - fy, z - fz, w - fw
+        for i in range(STATES):
+            c = memory[CROSS + i]
+            f = c * memory[FREE + i]
+            at = COVARIANCE + WIDTH * i + j
+            memory[at] -= c * fx + f * x
+            memory[at + 1] -= c * fy + f * y
+            memory[at + 2] -= c * fz + f * z
+            memory[at + 3] -= c * fw + f * w
     return scale
 
 
@@ -346,9 +352,8 @@ class Sums(NamedTuple):
     ]  # sums in that unit: m mᵀ 6, m 3, |m|² m 3, |m|²
 
 
-def gather(memory: Memory, rows: int, up: Vector, learned: Learned, room: Room) -> Sums:
-    """Read the log: what the window was like, and into ``memory.effect`` what b and E did."""
-    log, effect = memory.log, memory.effect
+def gather(memory: Floats, rows: int, up: Vector, learned: Learned, room: Room) -> Sums:
+    """Read the log: what the window was like, and into ``EFFECT`` what b and E did."""
     bx, by, bz = learned.bias
     rx, ry, rz = learned.row_x, learned.row_y, learned.row_z
     hx, hy, hz = learned.hard_iron
@@ -356,7 +361,7 @@ def gather(memory: Memory, rows: int, up: Vector, learned: Learned, room: Room) 
     unit = room.unit
     per_unit = 1.0 / unit if unit > 0.0 else 0.0
     for i in range(3 * LEARNED):
-        effect[i] = 0.0
+        memory[EFFECT + i] = 0.0
     time = 0.0
     rate_x = rate_y = rate_z = rate_square = 0.0
     accel_x = accel_y = accel_z = accel_square = motion = 0.0
@@ -364,24 +369,23 @@ def gather(memory: Memory, rows: int, up: Vector, learned: Learned, room: Room) 
     fx = fy = fz = dx = dy = dz = square = largest = 0.0
     sxx = sxy = sxz = syy = syz = szz = sx = sy = sz = qx = qy = qz = qq = 0.0
     for k in range(rows):
-        at = COLUMNS * k
-        turn = matrix((log[at], log[at + 1], log[at + 2], log[at + 3]))
-        gx, gy, gz = log[at + 4], log[at + 5], log[at + 6]
-        ax, ay, az = log[at + 7], log[at + 8], log[at + 9]
-        mx, my, mz = log[at + 10], log[at + 11], log[at + 12]
-        span = log[at + 13]
+        at = LOG + COLUMNS * k
+        turn = matrix((memory[at], memory[at + 1], memory[at + 2], memory[at + 3]))
+        gx, gy, gz = memory[at + 4], memory[at + 5], memory[at + 6]
+        ax, ay, az = memory[at + 7], memory[at + 8], memory[at + 9]
+        mx, my, mz = memory[at + 10], memory[at + 11], memory[at + 12]
+        span = memory[at + 13]
         time += span
         ux, uy, uz = gx - bx, gy - by, gz - bz
         moved_x, moved_y, moved_z = ux * span, uy * span, uz * span
         for i in range(3):
             for j in range(3):
                 r = turn[3 * i + j]
-                to = LEARNED * i + j
-                effect[to] -= span * r
-                to += 3 + 2 * j
-                effect[to] += r * moved_x
-                effect[to + 1] += r * moved_y
-                effect[to + 2] += r * moved_z
+                to = EFFECT + LEARNED * i + AXIS * j
+                memory[to] -= r * span
+                memory[to + 1] += r * moved_x
+                memory[to + 2] += r * moved_y
+                memory[to + 3] += r * moved_z
         rate_x, rate_y, rate_z = rate_x + gx, rate_y + gy, rate_z + gz
         rate_square += gx * gx + gy * gy + gz * gz
         accel_x, accel_y, accel_z = accel_x + ax, accel_y + ay, accel_z + az
@@ -452,46 +456,47 @@ def matrix(
     )
 
 
-def propagate(memory: Memory, time: float, walks: bool) -> None:
+def propagate(memory: Floats, time: float, walks: bool) -> None:
     """Let the covariance of δ grow by what b and E did in ``time`` s, and by what b may do."""
-    covariance, effect, shift = memory.covariance, memory.effect, memory.shift
     for i in range(3):
-        to = LEARNED * i
+        effect, shift = EFFECT + LEARNED * i, SHIFT + LEARNED * i
         for j in range(LEARNED):
-            shift[to + j] = 0.0
+            memory[shift + j] = 0.0
         for k in range(LEARNED):
-            e = effect[to + k]
-            at = STATES * (k + 3) + 3
+            e = memory[effect + k]
+            at = COVARIANCE + WIDTH * (3 + k) + 3
             for j in range(LEARNED):
-                shift[to + j] += e * covariance[at + j]
+                memory[shift + j] += e * memory[at + j]
     for i in range(3):
         for j in range(i, 3):
-            total = covariance[STATES * i + j]
+            total = memory[COVARIANCE + WIDTH * i + j]
             for k in range(LEARNED):
-                e, f = effect[LEARNED * i + k], effect[LEARNED * j + k]
-                total += e * covariance[STATES * j + k + 3] + f * covariance[STATES * i + k + 3]
-                total += shift[LEARNED * i + k] * f
-            covariance[STATES * i + j] = covariance[STATES * j + i] = total
+                one, other = WIDTH * i + 3 + k, WIDTH * j + 3 + k
+                shifted = memory[COVARIANCE + one] + memory[SHIFT + LEARNED * i + k]
+                total += memory[EFFECT + LEARNED * i + k] * memory[COVARIANCE + other]
+                total += memory[EFFECT + LEARNED * j + k] * shifted
+            memory[COVARIANCE + WIDTH * i + j] = memory[COVARIANCE + WIDTH * j + i] = total
     for i in range(3):
         for k in range(LEARNED):
-            total = covariance[STATES * i + k + 3] + shift[LEARNED * i + k]
-            covariance[STATES * i + k + 3] = covariance[STATES * (k + 3) + i] = total
-        covariance[16 * i] += ATTITUDE_WALK * time
+            at = COVARIANCE + WIDTH * i + 3 + k
+            memory[at] += memory[SHIFT + LEARNED * i + k]
+            memory[COVARIANCE + WIDTH * (3 + k) + i] = memory[at]
+        memory[COVARIANCE + DIAGONAL * i] += ATTITUDE_WALK * time
         if walks:
-            covariance[16 * (i + 3)] += BIAS_WALK * time
+            memory[COVARIANCE + DIAGONAL * (3 + AXIS * i)] += BIAS_WALK * time
 
 
-def is_bias(memory: Memory, rate: Vector, bias: Vector) -> bool:
+def is_bias(memory: Floats, rate: Vector, bias: Vector) -> bool:
     """Whether a mean rate (rad/s) is as near to the known bias as that is sure: else it turns."""
     for i in range(3):
-        sigma = math.sqrt(memory.covariance[16 * (i + 3)])
+        sigma = math.sqrt(memory[COVARIANCE + DIAGONAL * (3 + AXIS * i)])
         if not abs(rate[i] - bias[i]) < REST_SIGMA * sigma + REST_SLACK:
             return False
     return True
 
 
 def learn(
-    memory: Memory, room: Room, learned: Learned, window: Window, chosen: Chosen
+    memory: Floats, room: Room, learned: Learned, window: Window, chosen: Chosen
 ) -> tuple[Room, Learned]:
     """Look back on a window."""
     up, applied = window.up, window.applied
@@ -499,22 +504,19 @@ def learn(
     time = sums.time
     elapsed = room.elapsed + time
     settling = 1.0 + (SETTLING / elapsed) ** 2
-    state, effect, lag, row, free = (
-        memory.state, memory.effect, memory.lag, memory.row, memory.free,
-    )  # fmt: skip
 
     propagate(memory, time, chosen.bias)
     for i in range(STATES):
-        state[i] = row[i] = 0.0
-        free[i] = 1.0
+        memory[STATE + i] = memory[ROW + i] = 0.0
+        memory[FREE + i] = 1.0
     for i in range(3):
-        state[i] = memory.error[i] - applied[i]
+        memory[STATE + i] = memory[ERROR + i] - applied[i]
+        at = 3 + AXIS * i
         if not chosen.bias:
-            free[i + 3] = 0.0
-    if not chosen.misalignment:
-        for i in range(6, STATES):
-            free[i] = 0.0
-    x0, y0, z0 = state[0], state[1], state[2]
+            memory[FREE + at] = 0.0
+        if not chosen.misalignment:
+            memory[FREE + at + 1] = memory[FREE + at + 2] = memory[FREE + at + 3] = 0.0
+    x0, y0, z0 = memory[STATE], memory[STATE + 1], memory[STATE + 2]
 
     # Rest: the gyroscope reads its bias.
     rate = sums.rate
@@ -529,29 +531,29 @@ def learn(
     resting = rest_windows >= REST_WINDOWS
     if resting and chosen.bias:
         for i in range(3):
-            row[3 + i] = 1.0
+            memory[ROW + 3 + AXIS * i] = 1.0
             measure(memory, REST_VARIANCE / time, rate[i] - learned.bias[i])
-            row[3 + i] = 0.0
+            memory[ROW + 3 + AXIS * i] = 0.0
 
     # Tilt: the low-passed up should be vertical.
     fade = math.exp(-time / LOW_PASS)
     fill = (LOW_PASS / time) * (1.0 - fade)
     for i in range(2 * LEARNED):
-        lag[i] = fade * lag[i] + fill * effect[i]
+        memory[LAG + i] = fade * memory[LAG + i] + fill * memory[EFFECT + i]
     length = math.sqrt(up[0] * up[0] + up[1] * up[1] + up[2] * up[2]) + 1e-12
     motion = 0.5 * sums.motion / GRAVITY**2
     variance = (TILT_VARIANCE + TILT_PER_MOTION * motion) * settling
-    x1 = state[0]
-    row[0] = 1.0
+    x1 = memory[STATE]
+    memory[ROW] = 1.0
     for k in range(LEARNED):
-        row[3 + k] = -lag[k]
+        memory[ROW + 3 + k] = -memory[LAG + k]
     measure(memory, variance, up[1] / length)
-    x2, y2 = state[0], state[1]
-    row[0], row[1] = 0.0, 1.0
+    x2, y2 = memory[STATE], memory[STATE + 1]
+    memory[ROW], memory[ROW + 1] = 0.0, 1.0
     for k in range(LEARNED):
-        row[3 + k] = -lag[LEARNED + k]
+        memory[ROW + 3 + k] = -memory[LAG + LEARNED + k]
     measure(memory, variance, -up[0] / length)
-    own_x, own_y = x2 - x1, state[1] - y2
+    own_x, own_y = x2 - x1, memory[STATE + 1] - y2
 
     own_z = 0.0
     if sums.heard > 0:
@@ -559,24 +561,24 @@ def learn(
     else:
         learned = told(learned, learned.delay, learned.hard_iron, learned.trust, 0.0)
     for i in range(3):
-        memory.error[i] = state[i]
+        memory[ERROR + i] = memory[STATE + i]
+    x, y, z = memory[STATE], memory[STATE + 1], memory[STATE + 2]
     drift = (
-        (state[0] - x0 - own_x) / WINDOW,
-        (state[1] - y0 - own_y) / WINDOW,
-        (state[2] - z0 - own_z + REGAINED * z0) / WINDOW,
+        (x - x0 - own_x) / WINDOW,
+        (y - y0 - own_y) / WINDOW,
+        (z - z0 - own_z + REGAINED * z0) / WINDOW,
     )
     room = Room(
         elapsed, rest_windows, sums.unit, room.iron_known, room.swaps, room.field, room.delay
     )
-    covariance = memory.covariance
-    tilt = 0.5 * (covariance[0] + covariance[16] + state[0] * state[0] + state[1] * state[1])
-    heading = covariance[32] + state[2] * state[2]
+    tilt = 0.5 * (memory[COVARIANCE] + memory[COVARIANCE + DIAGONAL] + x * x + y * y)
+    heading = memory[COVARIANCE + 2 * DIAGONAL] + z * z
     bias, rx, ry, rz = learned.bias, learned.row_x, learned.row_y, learned.row_z
     learned = Learned(
-        (bias[0] + state[3], bias[1] + state[4], bias[2] + state[5]),
-        (rx[0] + state[6], rx[1] + state[7], rx[2] + state[8]),
-        (ry[0] + state[9], ry[1] + state[10], ry[2] + state[11]),
-        (rz[0] + state[12], rz[1] + state[13], rz[2] + state[14]),
+        (bias[0] + memory[STATE + 3], bias[1] + memory[STATE + 7], bias[2] + memory[STATE + 11]),
+        (rx[0] + memory[STATE + 4], rx[1] + memory[STATE + 5], rx[2] + memory[STATE + 6]),
+        (ry[0] + memory[STATE + 8], ry[1] + memory[STATE + 9], ry[2] + memory[STATE + 10]),
+        (rz[0] + memory[STATE + 12], rz[1] + memory[STATE + 13], rz[2] + memory[STATE + 14]),
         learned.delay,
         learned.hard_iron,
         learned.trust,
@@ -619,12 +621,11 @@ def delay_of(delay: Delay, sums: Sums, trust: float) -> Delay:
 
 
 def hard_iron_of(
-    memory: Memory, sums: Sums, turned: float, trust: float, known: Vector, last: Vector
+    memory: Floats, sums: Sums, turned: float, trust: float, known: Vector, last: Vector
 ) -> Vector:
     """Hard iron from the norm: |m|² = 2 m·h + const on a sphere about h."""
     if not sums.largest < IRON_RANGE**2:
         return last
-    iron, solved = memory.iron, memory.solved
     weight = min(1.0, turned) / (sums.heard * (2.0 * IRON_NOISE) ** 2)
     fade = math.exp(-turned * (trust / IRON_FORGET + (1.0 - trust) / IRON_FORGET_DISTURBED))
     sxx, sxy, sxz, syy, syz, szz, sx, sy, sz, qx, qy, qz, qq = sums.sphere
@@ -636,30 +637,33 @@ def hard_iron_of(
     )
     for i in range(4):
         for j in range(5):
-            iron[5 * i + j] = fade * iron[5 * i + j] + weight * rows[i][j]
-            solved[5 * i + j] = iron[5 * i + j]
-        solved[6 * i] += 1.0 / IRON_AT_START**2 if i < 3 else 1e-6
-    x, y, z = solve(solved)
+            memory[IRON + 5 * i + j] = fade * memory[IRON + 5 * i + j] + weight * rows[i][j]
+            memory[SOLVED + 5 * i + j] = memory[IRON + 5 * i + j]
+        memory[SOLVED + 6 * i] += 1.0 / IRON_AT_START**2 if i < 3 else 1e-6
+    x, y, z = solve(memory)
     size = x * x + y * y + z * z
     kept = sums.unit * max(0.0, 1.0 - IRON_SEEN**2 / (size + 1e-12))
     return (known[0] + kept * x, known[1] + kept * y, known[2] + kept * z)
 
 
-def solve(system: Floats) -> Vector:
+def solve(memory: Floats) -> Vector:
     """The first three unknowns of four symmetric positive equations (4, 5), which it consumes."""
     for i in range(4):
         for j in range(i + 1, 4):
-            part = system[5 * j + i] / system[6 * i]
+            part = memory[SOLVED + 5 * j + i] / memory[SOLVED + 6 * i]
             for k in range(i, 5):
-                system[5 * j + k] -= part * system[5 * i + k]
-    w = system[19] / system[18]
-    z = (system[14] - system[13] * w) / system[12]
-    y = (system[9] - system[7] * z - system[8] * w) / system[6]
-    return (system[4] - system[1] * y - system[2] * z - system[3] * w) / system[0], y, z
+                memory[SOLVED + 5 * j + k] -= part * memory[SOLVED + 5 * i + k]
+    w = memory[SOLVED + 19] / memory[SOLVED + 18]
+    z = (memory[SOLVED + 14] - memory[SOLVED + 13] * w) / memory[SOLVED + 12]
+    y = memory[SOLVED + 9] - memory[SOLVED + 7] * z - memory[SOLVED + 8] * w
+    y /= memory[SOLVED + 6]
+    x = memory[SOLVED + 4] - memory[SOLVED + 2] * z - memory[SOLVED + 3] * w
+    x = (x - memory[SOLVED + 1] * y) / memory[SOLVED]
+    return x, y, z
 
 
 def hear(
-    memory: Memory,
+    memory: Floats,
     room: Room,
     learned: Learned,
     sums: Sums,
@@ -732,7 +736,7 @@ def hear(
         trust = 1.0
         swaps += 1
         looks = 0.0
-        forget_heading(memory, SWAP_DEVIATION**2 + (innovation + memory.state[2]) ** 2)
+        forget_heading(memory, SWAP_DEVIATION**2 + (innovation + memory[STATE + 2]) ** 2)
     else:
         share = trust * max(time / REFERENCE, time / mag_time)
         if mag_time < YOUNG:
@@ -743,31 +747,34 @@ def hear(
 
     # Heading. The magnetometer never moves tilt.
     looks += trust * turned
-    state, covariance, row, effect = memory.state, memory.covariance, memory.row, memory.effect
-    covariance[32] = max(covariance[32], (UNTRIED_HEADING / (1.0 + looks)) ** 2)
+    heading_variance = COVARIANCE + 2 * DIAGONAL
+    least = (UNTRIED_HEADING / (1.0 + looks)) ** 2
+    memory[heading_variance] = max(memory[heading_variance], least)
     surprise = 0.0
     if swaps == room.swaps:
         share = min(1.0, motion / SURPRISE_TIME)
-        surprise = field.surprise + share * (innovation + state[2] - field.surprise)
+        surprise = field.surprise + share * (innovation + memory[STATE + 2] - field.surprise)
     heading_rate, own = 0.0, 0.0
     if level > LEVEL * norm:
         steep = fz / level
-        row[0], row[1], row[2] = steep, 0.0, -1.0
+        memory[ROW], memory[ROW + 1], memory[ROW + 2] = steep, 0.0, -1.0
         for k in range(LEARNED):
-            row[3 + k] = 0.5 * (effect[2 * LEARNED + k] - steep * effect[k])
-        memory.free[0] = memory.free[1] = 0.0
+            memory[ROW + 3 + k] = 0.5 * (
+                memory[EFFECT + 2 * LEARNED + k] - steep * memory[EFFECT + k]
+            )
+        memory[FREE] = memory[FREE + 1] = 0.0
         variance = HEADING_VARIANCE / (trust * time) * settling
         if not chosen.mag:
             variance += sums.field_rate_square * (DELAY_UNKNOWN / level) ** 2
-        toward = covariance[32]
+        toward = memory[heading_variance]
         for j in range(STATES):
             if j != 2:
-                toward -= row[j] * covariance[STATES * 2 + j]
-        was = state[2]
+                toward -= memory[ROW + j] * memory[COVARIANCE + WIDTH * 2 + j]
+        was = memory[STATE + 2]
         scale = measure(memory, variance, innovation)
         gain = min(max(toward * scale, 0.0), 0.999)
         heading_rate = -math.log(1.0 - gain) / time
-        own = state[2] - was
+        own = memory[STATE + 2] - was
         applied = heading_rate
         if window.heading_rate >= 0.0:
             applied = trust * window.heading_rate

@@ -30,6 +30,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -46,7 +47,7 @@ from ..rotor import (
     rotate,
     unit,
 )
-from .compiled import bind, compiled, run_steps
+from .compiled import bind, compiled, packed, run_steps
 from .correction import NO_EARTH, Earth, corrected
 from .gains import (
     AVERAGED,
@@ -63,12 +64,13 @@ from .gains import (
 from .kernel import Kernel, KernelFilter, Report
 from .learning import (
     COLUMNS,
+    LOG,
     ROW_TIME,
     ROWS,
+    SIZE,
     WINDOW,
     Floats,
     Learned,
-    Memory,
     Room,
     Window,
     begin,
@@ -269,22 +271,22 @@ def passed(
     )
 
 
-def note(log: Floats, state: State, accel: Vector, mag: Vector) -> None:
+def note(memory: Floats, state: State, accel: Vector, mag: Vector) -> None:
     """Write the sample that made ``state`` into the log, as its last row."""
     senses = state.senses
     _, _, rows, _, mag_row_time, _ = state.past
-    at = COLUMNS * (rows - 1)
-    log[at], log[at + 1], log[at + 2], log[at + 3] = state.predicted
-    log[at + 4], log[at + 5], log[at + 6] = senses.rate
+    at = LOG + COLUMNS * (rows - 1)
+    memory[at], memory[at + 1], memory[at + 2], memory[at + 3] = state.predicted
+    memory[at + 4], memory[at + 5], memory[at + 6] = senses.rate
     force = accel if usable(accel) else carried(state.predicted, state.earth[0])
-    log[at + 7], log[at + 8], log[at + 9] = force
-    log[at + 10], log[at + 11], log[at + 12] = mag
-    log[at + 13] = state.row
+    memory[at + 7], memory[at + 8], memory[at + 9] = force
+    memory[at + 10], memory[at + 11], memory[at + 12] = mag
+    memory[at + 13] = state.row
     if mag_row_time > 0.0:
-        log[at + 10] = math.nan
+        memory[at + 10] = math.nan
 
 
-def look_back(state: State, memory: Memory, gains: Gains) -> State:
+def look_back(state: State, memory: Floats, gains: Gains) -> State:
     """The slow room's turn: after a window, a new start, or the first heading."""
     room, learned = state.room, state.learned
     _, applied, rows, row_time, mag_row_time, step = state.past
@@ -319,7 +321,7 @@ def look_back(state: State, memory: Memory, gains: Gains) -> State:
 
 def run(
     state: State,
-    memory: Memory,
+    memory: Floats,
     gains: Gains,
     gyro: Array,
     accel: Array,
@@ -329,7 +331,6 @@ def run(
 ) -> State:
     """Fill ``rotors`` (n, 4) with unit rotors; a step of NaN repeats the last (skipped)."""
     normalised = gains.normalise and gains.stateful
-    log = memory.log
     i = 0
     while i < len(dts):
         if state.due:
@@ -340,7 +341,7 @@ def run(
                 m = (mag[i, 0], mag[i, 1], mag[i, 2])
                 state = step(state, gains, (gyro[i, 0], gyro[i, 1], gyro[i, 2]), a, m, dts[i])
                 if state.row > 0.0:
-                    note(log, state, a, m)
+                    note(memory, state, a, m)
             q = state.rotor
             if not normalised:
                 q = unit(q)
@@ -349,11 +350,12 @@ def run(
     return state
 
 
+@cache
 def runner() -> Callable[..., Any]:
     """`run`, compiled into one function but for the slow room, which is long and seldom called."""
-    return compiled(
-        bind(run, look_back=compiled(look_back, inline=True, fused=True)), inline=True, fused=True
-    )
+    window = Window(0, ZERO, ZERO, 0.0, 0.0, False)
+    slow = packed(learn, np.zeros(SIZE), Room(), Learned(), window, gains(DEFAULTS).chosen)
+    return compiled(bind(run, look_back=bind(look_back, learn=slow)), inline=True, fused=True)
 
 
 def uncorrected(senses: Senses, earth: Earth, *_: object) -> tuple[Senses, Earth, bool, Rotor]:
@@ -412,7 +414,7 @@ class StatefulFilter(KernelFilter):
             before = self._before = look_back(before, self._memory, self._gains)
         state = self._state = step(before, self._gains, gyro, accel, mag, dt)
         if state.row > 0.0:
-            note(self._memory.log, state, accel, mag)
+            note(self._memory, state, accel, mag)
 
     def _changed(self) -> None:
         super()._changed()
@@ -448,9 +450,9 @@ class StatefulFilter(KernelFilter):
         if not self._gains.turns:
             self._state = run_steps(PLAIN, fused=True)(self._state, self._gains, *sensors, rotors)
             return rotors
-        arrays: Any = Memory(*map(np.array, self._memory))
-        self._state = runner()(self._state, arrays, self._gains, *sensors, rotors)
-        self._memory = Memory(*(part.tolist() for part in arrays))
+        memory: Any = np.array(self._memory)
+        self._state = runner()(self._state, memory, self._gains, *sensors, rotors)
+        self._memory = memory.tolist()
         return rotors
 
     @property
