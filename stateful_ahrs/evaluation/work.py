@@ -71,7 +71,7 @@ def evaluate_task(task: Task, progress: Progress | None = None) -> Outcome:
         raise
     except AhrsError as error:
         return Outcome(task.path, error=str(error))
-    return Outcome(trial.name, tuple(results), _remark(trial))
+    return Outcome(trial.name, tuple(results), _remark(trial, task.path))
 
 
 def view_task(task: Task, progress: Progress | None = None) -> View:
@@ -85,11 +85,12 @@ def _trial(task: Task, progress: Progress | None) -> Trial:
     return prepare(load(task.path, task.reference, loading, task.estimates))
 
 
-def _remark(trial: Trial) -> str | None:
+def _remark(trial: Trial, path: str) -> str | None:
     name = trial.name
     said = [f"{name}: {choice}" for choice in trial.choices]
     if trial.truth is None:
-        said.append(f"{name} has no reference, so its errors are unknown (see --reference).")
+        where = "columns qw, qx, qy, qz" if path.endswith(".csv") else "see --reference"
+        said.append(f"{name} has no reference, so its errors are unknown ({where}).")
     elif not trial.has_mag:
         said.append(f"{name} has no magnetometer samples: its heading starts at any angle.")
     return " ".join(said) or None
