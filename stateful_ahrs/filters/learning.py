@@ -23,7 +23,7 @@ from ..rotor import Rotor, Vector
 from .settings import NOTHING, Known, Settings
 
 WINDOW = 0.5  # s
-ROWS = 32  # of the log; it takes one row in ROW_TIME
+ROWS = 64  # of the log; it takes one row in ROW_TIME
 ROW_TIME = 0.037  # s
 COLUMNS = 14  # rotor 4, gyro 3, accel 3, mag 3, time since the last row
 REGAINED = 0.25  # of the heading that a sudden magnet took before anyone looked back
