@@ -385,6 +385,23 @@ def test_sample_by_sample_and_compiled_are_the_same_filter():
     assert filters.make("stateful").run(samples) == pytest.approx(one_by_one, abs=1e-12)
 
 
+def test_both_learn_the_same_from_rest_motion_and_another_field():
+    bias = (0.004, 0.0, -0.002)
+    samples, _ = recording(60.0, bias=bias, misalignment=np.diag((0.01, -0.01, 0.0)))
+    samples.gyro[:1200], samples.accel[:1200] = bias, samples.accel[0]  # for one period it rests
+    samples.mag[:1200] = samples.mag[0]
+    samples.mag[3000:] *= 1.3
+    live_one, compiled_one = filters.make("stateful"), filters.make("stateful")
+    one_by_one, at_once = live(samples, live_one), compiled_one.run(samples)
+    assert at_once == pytest.approx(one_by_one, abs=1e-11)
+    said, compiled_said = live_one.report, compiled_one.report
+    assert said.field_changes == compiled_said.field_changes > 0
+    assert said.learned_bias_rad_s == pytest.approx(bias, abs=1e-3)
+    for name in ("learned_bias_rad_s", "misalignment", "hard_iron", "heading_stddev_rad"):
+        found = np.array(getattr(compiled_said, name))
+        assert found == pytest.approx(np.array(getattr(said, name)), rel=1e-9, abs=1e-15)
+
+
 def test_an_amendment_after_a_reset_is_nothing(learning):
     learning.update_imu((0.0, 0.0, 0.0), (0.0, 0.0, 9.81), 0.0)
     learning.reset()
