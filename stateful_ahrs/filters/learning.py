@@ -45,9 +45,9 @@ BIAS_IF_KNOWN = 0.1 * DEGREE  # rad/s, of an earlier run
 MISALIGNMENT_IF_KNOWN = 0.002
 DELAY_IF_KNOWN = 10.0  # rad²/s s: the turning that it took
 # What it tells of its errors.
-HEADING_SHARE, TILT_SHARE = 0.5, 0.65  # of what it takes for them
+HEADING_SHARE, TILT_SHARE = 0.5, 0.7  # of what it takes for them
 HEADING_FLOOR = 2.0 * DEGREE  # what the field of a room is off and no filter can know
-TILT_FLOOR = 0.13 * DEGREE
+TILT_FLOOR = 0.14 * DEGREE
 # What the sensors do meanwhile.
 ATTITUDE_WALK = (0.2 * DEGREE) ** 2  # rad²/s
 BIAS_WALK = (0.015 * DEGREE) ** 2  # (rad/s)²/s
