@@ -24,6 +24,7 @@ AIMS: list[tuple[str, Any, float, bool]] = [
         False,
     ),
     ("`paper`, of its time in C", lambda f: _filter(f, "paper").get("of_c"), 1.3, False),
+    ("`stateful`, of its time in C", lambda f: _filter(f, "stateful").get("of_c"), 1.3, False),
     (
         "driver's CPU at 1 kHz beyond the chip's, % of a core",
         lambda f: f["driver"]["beyond_the_chip_percent"],

@@ -1,0 +1,366 @@
+/* The arithmetic of the filter `stateful` with its default settings (stateful_ahrs/filters), in C
+   for comparison alone: the same steps in the same order under the same names, for samples of all
+   three sensors. */
+#include "learning.h"
+
+/* gains.py */
+static const double START_LOW_PASSED = 2.0, AVERAGED = 4.0; /* LOW_PASS and twice that, s */
+static const double NEWER = 3.0;
+
+typedef struct { double alpha, alpha_rate; } Gains;
+typedef struct { double dt, weight, tilt_rate; } Pace;
+
+static Pace paced(Gains gains, double dt)
+{
+    double weight = gains.alpha;
+    if (gains.alpha_rate > 0.0) weight = pow(gains.alpha, dt * gains.alpha_rate);
+    return (Pace){dt, weight, dt > 0.0 ? (1.0 - weight) / dt : 0.0};
+}
+
+static inline double at_start(double weight, double elapsed, double dt)
+{
+    if (elapsed + dt < START_LOW_PASSED) return 0.0;
+    return elapsed + dt < AVERAGED ? smaller(weight, elapsed / (elapsed + dt)) : weight;
+}
+
+static inline double part_of_heading(const Learned *learned, double tilt_rate, double elapsed,
+                                     double span)
+{
+    if (elapsed < START_LOW_PASSED) return smaller(1.0, NEWER * span / elapsed);
+    return smaller(1.0, span * smaller(learned->heading_rate, tilt_rate));
+}
+
+/* spikes.py */
+static const double JUMP_OF_RATE = 4.0; /* rad/s */
+static const double JUMP_OF_FORCE = 30.0; /* m/s^2 */
+static const double ALIKE = 1.0 / 16.0; /* of the square of the jump */
+static const double STAYS = 0.25, SHORT = 0.03; /* s */
+
+/* The rate before the last, the time that the last turned for, the last force, the one before. */
+typedef struct { Vector rate; double span; Vector force, force_before; } Seen;
+
+static int is_far(Vector u, Vector v, double jump) { return square(minus(u, v)) > jump * jump; }
+
+/* From the last vector to the mean of its neighbours if they agree without it; else zero. */
+static Vector to_neighbours(Vector last, Vector before, Vector after, double jump)
+{
+    Vector one = minus(before, last), other = minus(after, last);
+    double far = smaller(square(one), square(other));
+    if (!(far > jump * jump && square(minus(one, other)) <= ALIKE * far)) return ZERO;
+    return times(0.5, total(one, other));
+}
+
+/* What takes back the last turn if its rate was none; else the identity. */
+static Rotor way_back(Vector last, const Seen *seen, Vector rate)
+{
+    Vector meant = total(last, to_neighbours(last, seen->rate, rate, JUMP_OF_RATE));
+    return product(conjugate(from_rate(last, seen->span)), from_rate(meant, seen->span));
+}
+
+/* The force that undoes in a low-pass, which is linear, what the last did if it was none. */
+static Vector put_right(const Seen *seen, Rotor turn, Vector accel)
+{
+    if (!usable(seen->force)) return accel;
+    Vector knock = to_neighbours(seen->force, seen->force_before, accel, JUMP_OF_FORCE);
+    if (square(knock) == 0.0) return accel;
+    Vector right = total(accel, carried(turn, knock));
+    double length = sqrt(square(right));
+    return length >= STRONGEST ? times(0.99 * STRONGEST / length, right) : right;
+}
+
+/* Whether a field differs by more than itself from a last good one, `age` s old; no if none. */
+static inline int is_glitch(Vector mag, Vector last, double age, double dt)
+{
+    if (square(last) == 0.0 || !(age - dt < STAYS && dt < SHORT)) return 0;
+    return square(minus(mag, last)) > smaller(square(mag), square(last));
+}
+
+/* correction.py */
+static const double NEARLY_UPRIGHT = 0.01, FAR = 0.999, MUCH = 0.9, UPSIDE_DOWN = 1e-3;
+
+typedef struct {
+    Vector rate, mag; /* the last good ones */
+    double mag_age;
+    int started, heading_known, turned;
+    long sign_corrections, gyro_rejected, accel_rejected, mag_rejected;
+} Senses;
+
+/* The mean specific force, the time that went into it, the last magnetic field. */
+typedef struct { Vector up; double time; Vector field; } Earth;
+
+/* `rotate` by a rotor that is nearly one. */
+static inline Vector slightly(Rotor q, Vector v)
+{
+    if (!(0.99999 < q.w && q.w < 1.00001)) return rotate(unit(q), v);
+    return total(v, cross((Vector){2.0 * q.x, 2.0 * q.y, 2.0 * q.z}, v));
+}
+
+/* `1 - part + part d`, where d is the shortest turn from `up` to the vertical. */
+static inline Rotor uprighted(Vector up, double part)
+{
+    double level = up.x * up.x + up.y * up.y;
+    if (up.z > WEAKEST && level < NEARLY_UPRIGHT * up.z * up.z) {
+        double s = 0.5 / up.z, q = s * s * level;
+        s *= part * (1.0 - q * (1.5 - 3.875 * q));
+        return (Rotor){1.0 - part * q * (0.5 - 1.375 * q), s * up.y, -s * up.x, 0.0};
+    }
+    double length = sqrt(level + up.z * up.z);
+    if (!(length > WEAKEST)) return IDENTITY;
+    up.z += length; /* half way from it to the vertical */
+    if (!(up.z > UPSIDE_DOWN * length)) up = (Vector){0.0, length, 0.0};
+    double s = part / sqrt(square(up));
+    return (Rotor){1.0 - part + s * up.z, s * up.y, -s * up.x, 0.0};
+}
+
+/* `change`, and after it `part` of the turn from a measured north, level and of length one. */
+static inline Rotor turned_north(Rotor change, double north, double west, double part)
+{
+    double cosine = 1.0 - 0.5 * part * (1.0 - north), sine = -0.5 * part * west;
+    double size = cosine * cosine + sine * sine;
+    if (size < 1e-12) {
+        cosine = 0.0, sine = 1.0; /* it is opposite */
+    } else if (size < FAR) {
+        double s = 1.0 / sqrt(size);
+        cosine *= s, sine *= s;
+    }
+    return (Rotor){cosine * change.w, cosine * change.x - sine * change.y,
+                   cosine * change.y + sine * change.x, sine * change.w};
+}
+
+/* Take a sample after the start; returns the turn of `predicted`, and whether its heading is the
+   first one, which is taken whole. */
+static inline Rotor corrected(Senses *senses, Earth *earth, const Learned *learned, Vector accel,
+                              Vector mag, Rotor predicted, Vector nudge, Pace pace, double elapsed,
+                              int *first)
+{
+    double dt = pace.dt;
+    if (usable(accel)) {
+        earth->time += dt;
+        double share = dt / earth->time;
+        earth->time = smaller(earth->time, LOW_PASS);
+        Vector off = minus(rotate(predicted, accel), earth->up);
+        earth->up = total(earth->up, times(share, off));
+    } else {
+        senses->accel_rejected++;
+    }
+    Rotor change = uprighted(earth->up, 1.0 - pace.weight);
+
+    senses->mag_age += dt;
+    int fresh = heard(mag);
+    if (fresh) {
+        Vector field = rotate(predicted, mag);
+        if (pace.weight < MUCH) /* then level is where up is now, not where it was predicted */
+            field = slightly(change, field);
+        double level = field.x * field.x + field.y * field.y;
+        fresh = level > LEVEL * LEVEL * (level + field.z * field.z) /* else it is along gravity */
+             && !is_glitch(field, earth->field, senses->mag_age, dt);
+        if (fresh) {
+            double length = sqrt(level), north = field.x / length, west = field.y / length;
+            *first = !senses->heading_known;
+            if (*first) {
+                change = turned_north(IDENTITY, north, west, 1.0);
+            } else {
+                double span = larger(dt, smaller(senses->mag_age, MAG_TIMEOUT));
+                double part = part_of_heading(learned, pace.tilt_rate, elapsed, span);
+                change = turned_north(change, north, west, part);
+            }
+            senses->heading_known = 1, senses->mag = mag, senses->mag_age = 0.0;
+            earth->field = field;
+        }
+    }
+    senses->mag_rejected += !fresh;
+    if (!*first) change.x += nudge.x, change.y += nudge.y, change.z += nudge.z;
+    if (fresh) earth->field = slightly(change, earth->field);
+    earth->up = slightly(change, earth->up);
+
+    double w = predicted.w, x = predicted.x, y = predicted.y, z = predicted.z;
+    double least = smaller(smaller(w, x), smaller(y, z));
+    int turned = w * w > 0.5 ? w < 0.0 : -least > larger(larger(w, x), larger(y, z));
+    senses->sign_corrections += turned != senses->turned;
+    senses->turned = turned;
+    return change;
+}
+
+/* senses.py */
+static const double FASTEST = 1e3; /* rad/s; no gyroscope measures more */
+
+/* Whether there is an attitude to start with, and which, in the sign of `predicted`. */
+static int look(Senses *senses, Rotor turn, Vector accel, Vector mag, Rotor predicted, double dt,
+                Rotor *snapshot)
+{
+    int fresh = heard(mag), has_up = usable(accel), found = 0;
+    senses->mag_age = dt > 0.0 ? senses->mag_age + dt : INFINITY;
+    senses->mag_rejected += !fresh, senses->accel_rejected += !has_up;
+    Vector last = carried(turn, senses->mag);
+    if (has_up && (fresh || senses->mag_age <= MAG_TIMEOUT))
+        found = dcm(accel, fresh ? mag : last, snapshot);
+    if (has_up && fresh && !found) fresh = 0, senses->mag_rejected++; /* along gravity */
+    senses->mag = fresh ? mag : last;
+    if (fresh) senses->mag_age = 0.0;
+    senses->heading_known = found;
+    if (has_up && !found) {
+        Vector north = senses->started ? carried(unit(predicted), NORTH) : NORTH;
+        found = dcm(accel, north, snapshot) || dcm(accel, UP, snapshot);
+    }
+    senses->started = found;
+    if (!found) return 0;
+    int turned = dot(*snapshot, predicted) < 0.0;
+    if (turned) *snapshot = scaled(*snapshot, -1.0);
+    senses->sign_corrections += turned != senses->turned;
+    senses->turned = turned;
+    return 1;
+}
+
+/* stateful.py */
+static const double NEAR_UNIT = 1e-6;
+
+/* Since the slow room looked back: time, corrections, rows; times since rows, the last step. */
+typedef struct { double time; Vector applied; int rows; double row_time, mag_row_time, step; } Past;
+
+typedef struct {
+    Rotor rotor, predicted;
+    Senses senses;
+    double elapsed;
+    Pace pace;
+    Learned learned;
+    Room room;
+    Past past;
+    double row; /* s since the last row of the log, if this sample is one */
+    int due; /* the slow room should look back before the next sample */
+    Seen seen;
+    Earth earth;
+} State;
+
+static inline Vector true_rate(const Learned *learned, Vector rate)
+{
+    return apply(&learned->axes, minus(rate, learned->bias));
+}
+
+static inline Vector true_field(const Learned *learned, Vector mag, Vector rate)
+{
+    if (!heard(mag)) return mag;
+    Vector v = minus(mag, learned->hard_iron);
+    return minus(v, times(learned->delay, cross(rate, v)));
+}
+
+/* What the slow room should know of a step that turned the predicted rotor by `change`. */
+static inline void passed(State *s, Rotor change, double dt, int begins, int starts)
+{
+    Past *past = &s->past;
+    s->row = 0.0, s->due = begins;
+    if (begins || starts) {
+        *past = (Past){0.0, begins ? past->applied : ZERO, 0, 0.0, 1.0, begins ? dt : 0.0};
+        return;
+    }
+    int fresh = s->senses.mag_age == 0.0;
+    past->time += dt, past->row_time += dt, past->mag_row_time += dt, past->step = dt;
+    if (past->row_time >= ROW_TIME || (fresh && past->mag_row_time >= ROW_TIME)) {
+        past->rows++;
+        s->row = past->row_time, past->row_time = 0.0;
+        if (fresh) past->mag_row_time = 0.0;
+    }
+    past->applied.x += 2.0 * change.x;
+    past->applied.y += 2.0 * change.y;
+    past->applied.z += 2.0 * change.z;
+    double window = s->elapsed > WINDOW ? WINDOW : 0.25 * WINDOW;
+    s->due = past->rows > 0 && (past->time >= window - 0.5 * dt || past->rows == ROWS);
+}
+
+static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector mag, double dt)
+{
+    const Learned *learned = &s->learned;
+    Senses *senses = &s->senses;
+    Vector last = senses->rate, rate = gyro, force = accel, nudge = ZERO;
+    if (!(fabs(gyro.x) + fabs(gyro.y) + fabs(gyro.z) < FASTEST))
+        rate = last, senses->gyro_rejected++;
+    senses->rate = rate;
+    Vector turn_rate = true_rate(learned, rate);
+    mag = true_field(learned, mag, turn_rate);
+    Rotor turn = from_rate(turn_rate, dt), change = IDENTITY, rotor;
+    if (0.0 < dt && dt < SHORT) {
+        if (is_far(rate, last, JUMP_OF_RATE))
+            turn = product(way_back(last, &s->seen, rate), turn);
+        if (is_far(accel, s->seen.force, JUMP_OF_FORCE)) accel = put_right(&s->seen, turn, accel);
+    }
+    /* What a start takes is in no low-pass, and nothing has turned by it. */
+    s->seen = dt > 0.0 ? (Seen){last, dt, force, s->seen.force} : (Seen){last, 0.0, ZERO, ZERO};
+    Rotor predicted = product(s->rotor, turn);
+    if (dt != s->pace.dt) s->pace = paced(gains, dt);
+    Pace pace = s->pace;
+    int starts = dt <= 0.0 || !senses->started, begins = 0;
+    if (s->elapsed < AVERAGED && !starts) pace.weight = at_start(pace.weight, s->elapsed, dt);
+    s->elapsed += dt;
+    if (!starts) {
+        if (s->past.time < WINDOW) nudge = times(0.5 * dt, learned->drift);
+        change = corrected(senses, &s->earth, learned, accel, mag, predicted, nudge, pace,
+                           s->elapsed, &begins);
+        rotor = product(change, predicted);
+    } else if (look(senses, turn, accel, mag, predicted, dt, &rotor)) {
+        begins = 1, s->elapsed = 0.0;
+        s->earth = (Earth){rotate(rotor, accel), 0.0, rotate(rotor, senses->mag)};
+    } else {
+        rotor = predicted;
+    }
+    double size = dot(rotor, rotor);
+    if (fabs(size - 1.0) < NEAR_UNIT) /* a root would take longer */
+        s->rotor = scaled(rotor, 1.5 - 0.5 * size);
+    else
+        s->rotor = unit(rotor);
+    s->predicted = predicted;
+    passed(s, change, dt, begins, starts);
+}
+
+/* Write the sample that made the state into the log, as its last row. */
+static void note(Memory *m, const State *s, Vector accel, Vector mag)
+{
+    Vector force = usable(accel) ? accel : carried(s->predicted, s->earth.up);
+    int heard = s->past.mag_row_time == 0.0;
+    m->log[s->past.rows - 1] = (Row){s->predicted, s->senses.rate, force, mag, s->row, heard};
+}
+
+/* The slow room's turn: after a window, a new start, or the first heading. */
+static void look_back(State *s, Memory *m, Gains gains)
+{
+    Past *past = &s->past;
+    if (past->rows > 0) {
+        double tilt_rate = paced(gains, past->step).tilt_rate;
+        int starting = s->elapsed < START_LOW_PASSED;
+        Window window = {past->rows, s->earth.up, past->applied, tilt_rate, starting};
+        learn(m, &s->room, &s->learned, &window);
+    } else if (s->elapsed > 0.0) {
+        first_heading(m, past->applied);
+    } else {
+        start_anew(m, &s->room, &s->learned);
+    }
+    past->time = 0.0, past->applied = ZERO, past->rows = 0;
+    s->row = 0.0, s->due = 0;
+}
+
+State state; /* after the last run: the filter keeps its own for who asks, too */
+
+/* The rows are those of `Samples`, the settings those of `Settings`; a step of NaN is skipped. */
+void run(long n, double alpha, double alpha_rate, const double *gyro, const double *accel,
+         const double *mag, const double *steps, double *rotors)
+{
+    const Gains gains = {alpha, alpha_rate};
+    State s = {.rotor = IDENTITY,
+               .senses = {.mag = NORTH, .mag_age = INFINITY},
+               .predicted = IDENTITY,
+               .pace = {.dt = -1.0},
+               .past = {.mag_row_time = 1.0},
+               .earth = {.up = UP}};
+    Memory memory;
+    begin(&memory, &s.room, &s.learned);
+    for (long i = 0; i < n; i++, gyro += 3, accel += 3, mag += 3, rotors += 4) {
+        if (s.due) look_back(&s, &memory, gains);
+        if (steps[i] == steps[i]) {
+            Vector g = {gyro[0], gyro[1], gyro[2]}, a = {accel[0], accel[1], accel[2]};
+            Vector m = {mag[0], mag[1], mag[2]};
+            step(&s, gains, g, a, m, steps[i]);
+            if (s.row > 0.0) note(&memory, &s, a, m);
+        }
+        Rotor q = s.rotor;
+        rotors[0] = q.w, rotors[1] = q.x, rotors[2] = q.y, rotors[3] = q.z;
+    }
+    state = s;
+}
