@@ -81,6 +81,17 @@ def every(n: int) -> Worse:
     return decimated
 
 
+def gaps(lost: float, each: float) -> Worse:
+    """So many seconds without a sample in each so many."""
+
+    def with_gaps(trial: Trial) -> Trial:
+        stamps = trial.samples.stamps
+        since = (stamps - stamps[0]) * 1e-9
+        return _rows(trial, np.flatnonzero((since % each > lost) | (since < lost)))
+
+    return with_gaps
+
+
 def iron(field: Sequence[float], seconds: float = np.inf) -> Worse:
     """A magnet on the body (µT), for the first seconds or for ever."""
 
@@ -111,7 +122,7 @@ def both(one: Worse, other: Worse) -> Worse:
     return lambda trial: other(one(trial))
 
 
-def _rows(trial: Trial, rows: slice) -> Trial:
+def _rows(trial: Trial, rows: slice | Array) -> Trial:
     samples, truth = trial.samples, trial.truth
     assert truth
     parts = (samples.stamps, samples.gyro, samples.accel, samples.mag)
@@ -127,6 +138,9 @@ WORSE: dict[str, Worse] = {
     "every second sample": every(2),
     "every third": every(3),
     "every fifth": every(5),
+    "0.05 s lost in each 5 s": gaps(0.05, 5.0),
+    "0.2 s lost in each 30 s": gaps(0.2, 30.0),
+    "0.5 s lost in each 30 s": gaps(0.5, 30.0),
     "hard iron (3, −2, 4) µT": iron((3, -2, 4)),
     "hard iron (−3, 2, −4) µT": iron((-3, 2, -4)),
     "hard iron (6, −4, 8) µT": iron((6, -4, 8)),

@@ -50,13 +50,15 @@ def tumbling(count: int = SAMPLES) -> Samples:
 
 
 def eventful(samples: Samples) -> Samples:
-    """The same with a rest at first, a glitch of each sensor, and from the middle another field."""
+    """The same with a rest at first, a glitch of each sensor, a gap, and then another field."""
     gyro, accel, mag = (part.copy() for part in (samples.gyro, samples.accel, samples.mag))
     gyro[:1000] *= 0.002
     accel[:1000], mag[:1000] = accel[:1], mag[:1]
     gyro[2000], accel[2100], mag[2200] = 30.0, 100.0, 1e-3
     mag[len(mag) // 2 :] *= 1.3
-    return Samples(samples.stamps, gyro, accel, mag)
+    stamps = samples.stamps.copy()
+    stamps[len(stamps) // 2 :] += 200_000_000
+    return Samples(stamps, gyro, accel, mag)
 
 
 def measure(quick: bool, seconds: float) -> dict[str, Any]:

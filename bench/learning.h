@@ -69,7 +69,13 @@ typedef struct { Vector field, rate; double square, rows, time, moment, weight; 
 
 typedef struct { double elapsed, unit; int rest_windows, swaps; Field field; Delay delay; } Room;
 
-typedef struct { int rows; Vector up, applied; double tilt_rate; int starting; } Window;
+typedef struct {
+    int rows;
+    Vector up, applied;
+    double tilt_rate;
+    int starting;
+    double doubt;
+} Window;
 
 typedef struct {
     double time, rate_noise, accel_noise, motion, field_rate_square, unit, largest;
@@ -399,6 +405,7 @@ static void learn(Memory *m, Room *room, Learned *learned, const Window *window)
     double settling = 1.0 + squared(SETTLING / room->elapsed);
 
     propagate(m, time);
+    for (int i = 0; i < 3; i++) m->covariance[i][i] += window->doubt;
     memset(m->state, 0, sizeof m->state);
     memset(m->row, 0, sizeof m->row);
     double x0 = m->state[0] = m->error[0] - window->applied.x;

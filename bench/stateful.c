@@ -75,6 +75,22 @@ static inline int is_glitch(Vector mag, Vector last, double age, double dt)
     return square(minus(mag, last)) > smaller(square(mag), square(last));
 }
 
+/* gaps.py */
+static const double MISSING = 3.0, OF_TURN = 0.3, AT_REST = 0.1, SURE = 0.05;
+
+static inline int is_gap(double dt, double last)
+{
+    return dt > SHORT && dt > MISSING * last && last > 0.0;
+}
+
+/* Put the rate in a gap in the place of the one after it; returns the variance of the turn. */
+static double across(Vector before, Vector *rate, double dt)
+{
+    double size = sqrt(0.5 * (square(before) + square(*rate)));
+    *rate = times(0.5, total(before, *rate));
+    return squared(dt * (OF_TURN * size + AT_REST));
+}
+
 /* correction.py */
 static const double NEARLY_UPRIGHT = 0.01, FAR = 0.999, MUCH = 0.9, UPSIDE_DOWN = 1e-3;
 
@@ -146,10 +162,10 @@ static inline Rotor corrected(Senses *senses, Earth *earth, const Learned *learn
     Rotor change = uprighted(earth->up, 1.0 - pace.weight);
 
     senses->mag_age += dt;
-    int fresh = heard(mag);
+    int fresh = heard(mag), moved = pace.weight < MUCH;
     if (fresh) {
         Vector field = rotate(predicted, mag);
-        if (pace.weight < MUCH) /* then level is where up is now, not where it was predicted */
+        if (moved) /* then level is where up is now, not where it was predicted */
             field = slightly(change, field);
         double level = field.x * field.x + field.y * field.y;
         fresh = level > LEVEL * LEVEL * (level + field.z * field.z) /* else it is along gravity */
@@ -158,10 +174,12 @@ static inline Rotor corrected(Senses *senses, Earth *earth, const Learned *learn
             double length = sqrt(level), north = field.x / length, west = field.y / length;
             *first = !senses->heading_known;
             if (*first) {
+                moved = 1;
                 change = turned_north(IDENTITY, north, west, 1.0);
             } else {
                 double span = larger(dt, smaller(senses->mag_age, MAG_TIMEOUT));
                 double part = part_of_heading(learned, pace.tilt_rate, elapsed, span);
+                moved |= part > 1.0 - MUCH;
                 change = turned_north(change, north, west, part);
             }
             senses->heading_known = 1, senses->mag = mag, senses->mag_age = 0.0;
@@ -170,7 +188,7 @@ static inline Rotor corrected(Senses *senses, Earth *earth, const Learned *learn
     }
     senses->mag_rejected += !fresh;
     if (!*first) change.x += nudge.x, change.y += nudge.y, change.z += nudge.z;
-    if (fresh) earth->field = slightly(change, earth->field);
+    if (moved && fresh) earth->field = slightly(change, earth->field);
     earth->up = slightly(change, earth->up);
 
     double w = predicted.w, x = predicted.x, y = predicted.y, z = predicted.z;
@@ -214,8 +232,14 @@ static int look(Senses *senses, Rotor turn, Vector accel, Vector mag, Rotor pred
 /* stateful.py */
 static const double NEAR_UNIT = 1e-6;
 
-/* Since the slow room looked back: time, corrections, rows; times since rows, the last step. */
-typedef struct { double time; Vector applied; int rows; double row_time, mag_row_time, step; } Past;
+/* Since the slow room looked back: time, corrections, rows; times since rows, the last step; the
+   variance of turns in gaps. */
+typedef struct {
+    double time;
+    Vector applied;
+    int rows;
+    double row_time, mag_row_time, step, doubt;
+} Past;
 
 typedef struct {
     Rotor rotor, predicted;
@@ -244,16 +268,17 @@ static inline Vector true_field(const Learned *learned, Vector mag, Vector rate)
 }
 
 /* What the slow room should know of a step that turned the predicted rotor by `change`. */
-static inline void passed(State *s, Rotor change, double dt, int begins, int starts)
+static inline void passed(State *s, Rotor change, double dt, double lost, int begins, int starts)
 {
     Past *past = &s->past;
     s->row = 0.0, s->due = begins;
     if (begins || starts) {
-        *past = (Past){0.0, begins ? past->applied : ZERO, 0, 0.0, 1.0, begins ? dt : 0.0};
+        *past = (Past){0.0, begins ? past->applied : ZERO, 0, 0.0, 1.0, begins ? dt : 0.0, 0.0};
         return;
     }
     int fresh = s->senses.mag_age == 0.0;
     past->time += dt, past->row_time += dt, past->mag_row_time += dt, past->step = dt;
+    past->doubt += lost;
     if (past->row_time >= ROW_TIME || (fresh && past->mag_row_time >= ROW_TIME)) {
         past->rows++;
         s->row = past->row_time, past->row_time = 0.0;
@@ -276,6 +301,12 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
     senses->rate = rate;
     Vector turn_rate = true_rate(learned, rate);
     mag = true_field(learned, mag, turn_rate);
+    double lost = 0.0;
+    if (is_gap(dt, s->past.step)) {
+        lost = across(true_rate(learned, last), &turn_rate, dt);
+        s->elapsed = smaller(s->elapsed, SURE / lost);
+        s->earth.time = smaller(s->earth.time, SURE / lost);
+    }
     Rotor turn = from_rate(turn_rate, dt), change = IDENTITY, rotor;
     if (0.0 < dt && dt < SHORT) {
         if (is_far(rate, last, JUMP_OF_RATE))
@@ -307,7 +338,7 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
     else
         s->rotor = unit(rotor);
     s->predicted = predicted;
-    passed(s, change, dt, begins, starts);
+    passed(s, change, dt, lost, begins, starts);
 }
 
 /* Write the sample that made the state into the log, as its last row. */
@@ -325,14 +356,14 @@ static void look_back(State *s, Memory *m, Gains gains)
     if (past->rows > 0) {
         double tilt_rate = paced(gains, past->step).tilt_rate;
         int starting = s->elapsed < START_LOW_PASSED;
-        Window window = {past->rows, s->earth.up, past->applied, tilt_rate, starting};
+        Window window = {past->rows, s->earth.up, past->applied, tilt_rate, starting, past->doubt};
         learn(m, &s->room, &s->learned, &window);
     } else if (s->elapsed > 0.0) {
         first_heading(m, past->applied);
     } else {
         start_anew(m, &s->room, &s->learned);
     }
-    past->time = 0.0, past->applied = ZERO, past->rows = 0;
+    past->time = 0.0, past->applied = ZERO, past->rows = 0, past->doubt = 0.0;
     s->row = 0.0, s->due = 0;
 }
 

@@ -18,6 +18,7 @@ from stateful_ahrs.evaluation.metrics import Truth
 from stateful_ahrs.evaluation.score import prepare, score
 from stateful_ahrs.filters import Settings
 from stateful_ahrs.filters.frames import WorldFrame
+from stateful_ahrs.filters.gaps import is_gap
 from stateful_ahrs.filters.learning import SIZE
 from stateful_ahrs.filters.samples import Samples
 from stateful_ahrs.filters.settings import Known
@@ -583,6 +584,26 @@ def test_a_restart_without_a_magnetometer_waits_for_its_own_sample(learning):
     learning.update_mag(mag)
     learning.update_imu((0.0, 0.0, 0.0), accel, 0.01)
     assert difference(learning.rotor, truth) < 0.5 * DEGREE
+
+
+@pytest.mark.parametrize("lost", [0.1, 0.3, 0.6, 0.9])
+def test_in_motion_a_gap_costs_little_and_not_for_long(learning, lost):
+    samples, truth = recording(60.0)
+    seconds = np.arange(len(samples)) / 100
+    kept = (seconds % 10.0 >= lost) | (seconds < 10.0)
+    few = Samples(samples.stamps[kept], *(part[kept] for part in _columns(samples)))
+    errors = errors_deg(learning.run(few), np.array(truth)[kept])
+    after = np.flatnonzero(np.diff(few.stamps) > 20_000_000) + 1
+    assert len(after) == 5
+    assert errors[after].max() < 6.0  # up to 67 if the rate after it is taken to have been its own
+    assert errors[after + 300].max() < 3.0
+
+
+def test_samples_that_come_seldom_are_no_gaps():
+    assert not any(is_gap(dt, dt) or is_gap(2.0 * dt, dt) for dt in (0.01, 0.1, 0.5))
+    assert not is_gap(0.02, 0.002)  # too short for much to happen in it
+    assert not is_gap(0.5, 0.0)  # the first step
+    assert is_gap(0.04, 0.01)
 
 
 def test_gaps_and_dropped_samples_are_bridged(learning):

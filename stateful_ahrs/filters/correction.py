@@ -88,14 +88,14 @@ def corrected(
     elif has_up:
         change = uprighted((x, y, z), 1.0 - weight)
 
-    first = False
+    first, moved = False, weight < MUCH
     mag_age += dt
     x, y, z = mag
     if x == x or y == y or z == z:  # a sample came
         fresh = heard(mag)
         if fresh:
             x, y, z = rotate(predicted, mag)
-            if weight < MUCH:  # then level is where up is now, not where it was predicted
+            if moved:  # then level is where up is now, not where it was predicted
                 x, y, z = slightly(change, (x, y, z))
             level = x * x + y * y
             fresh = level > LEVEL * LEVEL * (level + z * z)  # else it is along gravity
@@ -111,15 +111,16 @@ def corrected(
                 if heading_known:
                     span = max(dt, min(mag_age, gains.sources.mag_timeout))
                     part = part_of_heading(gains, learned, tilt_rate, elapsed, span)
+                    moved = moved or part > 1.0 - MUCH
                     change = turned_north(change, x / length, y / length, part)
                 else:
-                    first = heading_known = True
+                    first = heading_known = moved = True
                     change = turned_north(IDENTITY, x / length, y / length, 1.0)
             mag_age = 0.0
     if not first:
         w, i, j, k = change
         change = (w, i + nudge[0], j + nudge[1], k + nudge[2])
-    if mag_age == 0.0:
+    if moved and mag_age == 0.0:  # else it is as good where it was seen
         field = slightly(change, field)
 
     was_turned = turned

@@ -202,6 +202,7 @@ class Window(NamedTuple):
     tilt_rate: float  # 1/s: how fast it corrects
     heading_rate: float  # 1/s: likewise, of a field wholly trusted; negative: as it is told
     starting: bool
+    doubt: float  # rad²: variance, on each axis, of turns in gaps between samples
 
 
 def memory() -> Floats:
@@ -506,6 +507,8 @@ def learn(
     settling = 1.0 + (SETTLING / elapsed) ** 2
 
     propagate(memory, time, chosen.bias)
+    for i in range(3):
+        memory[COVARIANCE + DIAGONAL * i] += window.doubt
     for i in range(STATES):
         memory[STATE + i] = memory[ROW + i] = 0.0
         memory[FREE + i] = 1.0

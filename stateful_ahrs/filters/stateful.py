@@ -20,9 +20,10 @@ Deviations from the paper
   heading: the snapshot is then taken with the north that the gyroscope predicts.
 
 Not in the paper, each with a switch in `Settings`, all off where the filter is called the paper's:
-the slow room's parts; single bad samples taken back (`spikes`); up low-passed, and heading
-corrected slower (or faster) than tilt (`correction`); the rotor normalised after each blend; a
-start that is the mean of all samples so far.
+the slow room's parts, and with any of them care about missing samples (`gaps`); single bad samples
+taken back (`spikes`); up low-passed, and heading corrected slower (or faster) than tilt
+(`correction`); the rotor normalised after each blend; a start that is the mean of all samples so
+far.
 """
 
 from __future__ import annotations
@@ -61,6 +62,7 @@ from .gains import (
     plain_gains,
     weight_of_gyro,
 )
+from .gaps import SURE, across, is_gap
 from .kernel import Kernel, KernelFilter, Report
 from .learning import (
     COLUMNS,
@@ -102,9 +104,10 @@ DISTURBED = 0.1  # trust of a field three standard deviations off
 
 # What happened since the slow room last looked back: the time (s), the corrections (rad, earth
 # frame), the rows of the log, the time since the last row, and since the last with a magnetic field
-# (s), the last step (s). Without names, because one is made for each sample.
-Past = tuple[float, Vector, int, float, float, float]
-NO_PAST: Past = (0.0, ZERO, 0, 0.0, 1.0, 0.0)
+# (s), the last step (s), the variance of turns in gaps (rad²). Without names, because one is made
+# for each sample.
+Past = tuple[float, Vector, int, float, float, float, float]
+NO_PAST: Past = (0.0, ZERO, 0, 0.0, 1.0, 0.0, 0.0)
 
 
 class State(NamedTuple):
@@ -112,7 +115,7 @@ class State(NamedTuple):
 
     rotor: Rotor = IDENTITY  # sensor → earth (NWU); of unit length only if normalised
     senses: Senses = Senses()
-    elapsed: float = 0.0  # s since the start
+    elapsed: float = 0.0  # s since the start; less after a gap, see `gaps`
     predicted: Rotor = IDENTITY  # before the last correction
     pace: Pace = NO_PACE
     learned: Learned = Learned()
@@ -177,6 +180,11 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
         turn_rate = true_rate(learned, rate)
         if mag[0] == mag[0]:
             mag = true_field(learned, mag, turn_rate)
+    lost = 0.0
+    if learns and is_gap(dt, past[5]):
+        turn_rate, lost = across(true_rate(learned, last.rate), turn_rate, dt)
+        (mean, time, field), sure = earth, SURE / lost
+        elapsed, earth = min(elapsed, sure), (mean, min(time, sure), field)
     turn = from_rate(turn_rate, dt)
     force = accel
     if despike:
@@ -236,22 +244,29 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
     row, due = 0.0, False
     if learns:
         fresh = sources.use_mag and senses.mag_age == 0.0
-        past, row, due = passed(past, fresh, change, elapsed, dt, begins, starts)
+        past, row, due = passed(past, fresh, change, elapsed, dt, lost, begins, starts)
     return State(
         rotor, senses, elapsed, predicted, pace, learned, room, past, row, due, seen, earth
     )
 
 
 def passed(
-    past: Past, fresh: bool, change: Rotor, elapsed: float, dt: float, begins: bool, starts: bool
+    past: Past,
+    fresh: bool,
+    change: Rotor,
+    elapsed: float,
+    dt: float,
+    lost: float,
+    begins: bool,
+    starts: bool,
 ) -> tuple[Past, float, bool]:
     """What the slow room should know of a step that turned the predicted rotor by ``change``.
 
     Also returns ``row`` and ``due`` of the `State`.
     """
-    time, applied, rows, row_time, mag_row_time, _ = past
+    time, applied, rows, row_time, mag_row_time, _, doubt = past
     if begins:
-        return (0.0, applied, 0, 0.0, 1.0, dt), 0.0, True
+        return (0.0, applied, 0, 0.0, 1.0, dt, 0.0), 0.0, True
     if starts:
         return NO_PAST, 0.0, False
     time, row_time, mag_row_time = time + dt, row_time + dt, mag_row_time + dt
@@ -265,7 +280,15 @@ def passed(
     _, i, j, k = change
     window = WINDOW if elapsed > WINDOW else 0.25 * WINDOW
     return (
-        (time, (x + 2.0 * i, y + 2.0 * j, z + 2.0 * k), rows, row_time, mag_row_time, dt),
+        (
+            time,
+            (x + 2.0 * i, y + 2.0 * j, z + 2.0 * k),
+            rows,
+            row_time,
+            mag_row_time,
+            dt,
+            doubt + lost,
+        ),
         row,
         rows > 0 and (time >= window - 0.5 * dt or rows == ROWS),
     )
@@ -274,7 +297,7 @@ def passed(
 def note(memory: Floats, state: State, accel: Vector, mag: Vector) -> None:
     """Write the sample that made ``state`` into the log, as its last row."""
     senses = state.senses
-    _, _, rows, _, mag_row_time, _ = state.past
+    _, _, rows, _, mag_row_time, _, _ = state.past
     at = LOG + COLUMNS * (rows - 1)
     memory[at], memory[at + 1], memory[at + 2], memory[at + 3] = state.predicted
     memory[at + 4], memory[at + 5], memory[at + 6] = senses.rate
@@ -289,7 +312,7 @@ def note(memory: Floats, state: State, accel: Vector, mag: Vector) -> None:
 def look_back(state: State, memory: Floats, gains: Gains) -> State:
     """The slow room's turn: after a window, a new start, or the first heading."""
     room, learned = state.room, state.learned
-    _, applied, rows, row_time, mag_row_time, step = state.past
+    _, applied, rows, row_time, mag_row_time, step, doubt = state.past
     if rows > 0:
         _, _, tilt_rate = paced(gains, step)
         heading_rate = -1.0
@@ -306,13 +329,14 @@ def look_back(state: State, memory: Floats, gains: Gains) -> State:
             tilt_rate,
             heading_rate,
             starting,
+            doubt,
         )
         room, learned = learn(memory, room, learned, window, gains.chosen)
     elif state.elapsed > 0.0:
         first_heading(memory, applied)
     else:
         room, learned = start_anew(memory, room, learned)
-    past = (0.0, ZERO, 0, row_time, mag_row_time, step)
+    past = (0.0, ZERO, 0, row_time, mag_row_time, step, 0.0)
     return State(
         state.rotor, state.senses, state.elapsed, state.predicted, state.pace, learned, room, past,
         0.0, False, state.seen, state.earth,
@@ -353,7 +377,7 @@ def run(
 @cache
 def runner() -> Callable[..., Any]:
     """`run`, compiled into one function but for the slow room, which is long and seldom called."""
-    window = Window(0, ZERO, ZERO, 0.0, 0.0, False)
+    window = Window(0, ZERO, ZERO, 0.0, 0.0, False, 0.0)
     slow = packed(learn, np.zeros(SIZE), Room(), Learned(), window, gains(DEFAULTS).chosen)
     return compiled(bind(run, look_back=bind(look_back, learn=slow)), inline=True, fused=True)
 
