@@ -12,7 +12,7 @@ import numpy as np
 from .processes import Process, ending, node
 
 FILTER = "stateful"  # of fusion: the default, and the most accurate
-RATES = (100, 400, 1000, 4000)  # Hz
+RATES = {100: 1, 400: 1, 1000: 3, 4000: 1}  # Hz, and how many times as many rounds are for it
 STEPS = (5000, 6000, 8000, 10_000, 12_500, 15_000, 20_000)  # Hz, until samples are lost
 DRAIN = 0.3  # s after a window, for what is under way
 LATE = 1.0  # s after which what is still missing is lost
@@ -113,8 +113,8 @@ def rates(seconds: float, rounds: int) -> dict[str, Any]:
     with ending(*rig.processes):
         rig.warm_up()
         found: dict[str, Any] = {
-            str(rate): in_turns(rig, ["relay", "fusion", "messages"], rate, seconds, rounds)
-            for rate in RATES
+            str(rate): in_turns(rig, ["relay", "fusion", "messages"], rate, seconds, times * rounds)
+            for rate, times in RATES.items()
         }
         found["highest_lossless_hz"] = {name: highest(rig, name, seconds) for name in rig.nodes}
     return found
