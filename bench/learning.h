@@ -37,6 +37,7 @@ static const double SURPRISE_TIME = 5.0, SURPRISE_SPREAD = 2.0 * DEGREE;
 static const double SWAP_DEVIATION = 5.0 * DEGREE;
 /* Hard iron left over. */
 static const double IRON_AT_START = 0.1, IRON_NOISE = 0.04, IRON_SEEN = 0.05, IRON_RANGE = 10.0;
+static const double UNIT_OFF = 0.5;
 static const double IRON_FORGET = 200.0, IRON_FORGET_DISTURBED = 5.0;
 
 /* Which states a measurement may correct. */
@@ -317,6 +318,15 @@ static double apart(double norm, double dip, double other_norm, double other_dip
          + squared((dip - other_dip) / DIP_SPREAD);
 }
 
+/* Write the equations of the sphere in a unit that is so many times theirs. */
+static void give_unit(Memory *m, double times)
+{
+    double small = 1.0 / times;
+    const double column[5] = {small, small, small, 1.0, squared(small)};
+    for (int i = 0; i < 4; i++)
+        for (int j = 0; j < 5; j++) m->iron[i][j] *= (i < 3 ? small : 1.0) * column[j];
+}
+
 /* The magnetometer's part: delay, hard iron, trust and heading. Returns what of the heading error
    the fast path will correct by itself. */
 static double hear(Memory *m, Room *room, Learned *learned, const Sums *sums, const Window *window,
@@ -374,6 +384,12 @@ static double hear(Memory *m, Room *room, Learned *learned, const Sums *sums, co
         f->surprise += smaller(1.0, motion / SURPRISE_TIME) * (surprise - f->surprise);
     }
 
+    if (!(UNIT_OFF * room->unit < f->norm_reference
+          && f->norm_reference < room->unit / UNIT_OFF)) { /* the first sample was a bad one */
+        give_unit(m, f->norm_reference / room->unit);
+        room->unit = f->norm_reference;
+    }
+
     /* Heading. The magnetometer never moves tilt. */
     f->looks += trust * turned;
     learned->trust = trust, learned->heading_rate = 0.0;
@@ -405,7 +421,7 @@ static void learn(Memory *m, Room *room, Learned *learned, const Window *window)
     double settling = 1.0 + squared(SETTLING / room->elapsed);
 
     propagate(m, time);
-    for (int i = 0; i < 3; i++) m->covariance[i][i] += window->doubt;
+    for (int i = 0; i < 3; i++) m->covariance[i][i] += window->doubt / squared(HEADING_SHARE);
     memset(m->state, 0, sizeof m->state);
     memset(m->row, 0, sizeof m->row);
     double x0 = m->state[0] = m->error[0] - window->applied.x;

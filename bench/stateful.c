@@ -26,7 +26,8 @@ static inline double at_start(double weight, double elapsed, double dt)
 static inline double part_of_heading(const Learned *learned, double tilt_rate, double elapsed,
                                      double span)
 {
-    if (elapsed < START_LOW_PASSED) return smaller(1.0, NEWER * span / elapsed);
+    if (elapsed < START_LOW_PASSED)
+        return smaller(1.0, learned->trust * NEWER * span / elapsed);
     return smaller(1.0, span * smaller(learned->heading_rate, tilt_rate));
 }
 
@@ -76,20 +77,21 @@ static inline int is_glitch(Vector mag, Vector last, double age, double dt)
 }
 
 /* gaps.py */
-static const double MISSING = 3.0, OF_TURN = 0.3, AT_REST = 0.1, SURE = 0.05;
+static const double MISSING = 3.0, OF_RATE = 0.3, AT_REST = 0.1, SURE = 0.05, MUCH_LOST = 0.003;
 
 static inline int is_gap(double dt, double last)
 {
     return dt > SHORT && dt > MISSING * last && last > 0.0;
 }
 
-/* Put the rate in a gap in the place of the one after it; returns the variance of the turn. */
-static double across(Vector before, Vector *rate, double dt)
+/* Variance of a turn that took `span` s, by the rates before and after it. */
+static double variance_lost(Vector before, Vector after, double span)
 {
-    double size = sqrt(0.5 * (square(before) + square(*rate)));
-    *rate = times(0.5, total(before, *rate));
-    return squared(dt * (OF_TURN * size + AT_REST));
+    return squared(span * (OF_RATE * sqrt(0.5 * (square(before) + square(after))) + AT_REST));
 }
+
+/* What a mean over `time` s is still worth after a turn of this variance. */
+static double left_of(double time, double lost) { return time / (1.0 + time * lost / SURE); }
 
 /* correction.py */
 static const double NEARLY_UPRIGHT = 0.01, FAR = 0.999, MUCH = 0.9, UPSIDE_DOWN = 1e-3;
@@ -233,12 +235,12 @@ static int look(Senses *senses, Rotor turn, Vector accel, Vector mag, Rotor pred
 static const double NEAR_UNIT = 1e-6;
 
 /* Since the slow room looked back: time, corrections, rows; times since rows, the last step; the
-   variance of turns in gaps. */
+   variance of turns that no rate told, and for how long a rate is being held. */
 typedef struct {
     double time;
     Vector applied;
     int rows;
-    double row_time, mag_row_time, step, doubt;
+    double row_time, mag_row_time, step, doubt, held_for;
 } Past;
 
 typedef struct {
@@ -268,17 +270,19 @@ static inline Vector true_field(const Learned *learned, Vector mag, Vector rate)
 }
 
 /* What the slow room should know of a step that turned the predicted rotor by `change`. */
-static inline void passed(State *s, Rotor change, double dt, double lost, int begins, int starts)
+static inline void passed(State *s, Rotor change, double dt, double lost, double held_for,
+                          int begins, int starts)
 {
     Past *past = &s->past;
     s->row = 0.0, s->due = begins;
     if (begins || starts) {
-        *past = (Past){0.0, begins ? past->applied : ZERO, 0, 0.0, 1.0, begins ? dt : 0.0, 0.0};
+        *past = (Past){.applied = begins ? past->applied : ZERO, .mag_row_time = 1.0,
+                       .step = begins ? dt : 0.0};
         return;
     }
     int fresh = s->senses.mag_age == 0.0;
     past->time += dt, past->row_time += dt, past->mag_row_time += dt, past->step = dt;
-    past->doubt += lost;
+    past->doubt += lost, past->held_for = held_for;
     if (past->row_time >= ROW_TIME || (fresh && past->mag_row_time >= ROW_TIME)) {
         past->rows++;
         s->row = past->row_time, past->row_time = 0.0;
@@ -288,7 +292,8 @@ static inline void passed(State *s, Rotor change, double dt, double lost, int be
     past->applied.y += 2.0 * change.y;
     past->applied.z += 2.0 * change.z;
     double window = s->elapsed > WINDOW ? WINDOW : 0.25 * WINDOW;
-    s->due = past->rows > 0 && (past->time >= window - 0.5 * dt || past->rows == ROWS);
+    s->due = past->rows > 0
+          && (past->time >= window - 0.5 * dt || past->rows == ROWS || past->doubt > MUCH_LOST);
 }
 
 static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector mag, double dt)
@@ -296,16 +301,24 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
     const Learned *learned = &s->learned;
     Senses *senses = &s->senses;
     Vector last = senses->rate, rate = gyro, force = accel, nudge = ZERO;
-    if (!(fabs(gyro.x) + fabs(gyro.y) + fabs(gyro.z) < FASTEST))
-        rate = last, senses->gyro_rejected++;
+    int held = !(fabs(gyro.x) + fabs(gyro.y) + fabs(gyro.z) < FASTEST);
+    if (held) rate = last, senses->gyro_rejected++;
     senses->rate = rate;
     Vector turn_rate = true_rate(learned, rate);
     mag = true_field(learned, mag, turn_rate);
-    double lost = 0.0;
-    if (is_gap(dt, s->past.step)) {
-        lost = across(true_rate(learned, last), &turn_rate, dt);
-        s->elapsed = smaller(s->elapsed, SURE / lost);
-        s->earth.time = smaller(s->earth.time, SURE / lost);
+    double lost = 0.0, held_for = 0.0;
+    if (held && dt > 0.0) {
+        held_for = s->past.held_for + dt;
+        lost = variance_lost(turn_rate, turn_rate, held_for);
+        lost -= variance_lost(turn_rate, turn_rate, s->past.held_for);
+    } else if (is_gap(dt, s->past.step)) {
+        Vector before = true_rate(learned, last);
+        lost = variance_lost(before, turn_rate, dt);
+        turn_rate = times(0.5, total(before, turn_rate));
+    }
+    if (lost > 0.0) {
+        s->earth.time = left_of(s->earth.time, lost);
+        s->elapsed = left_of(smaller(s->elapsed, AVERAGED), lost);
     }
     Rotor turn = from_rate(turn_rate, dt), change = IDENTITY, rotor;
     if (0.0 < dt && dt < SHORT) {
@@ -338,7 +351,7 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
     else
         s->rotor = unit(rotor);
     s->predicted = predicted;
-    passed(s, change, dt, lost, begins, starts);
+    passed(s, change, dt, lost, held_for, begins, starts);
 }
 
 /* Write the sample that made the state into the log, as its last row. */

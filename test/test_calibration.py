@@ -192,6 +192,20 @@ def test_a_file_may_begin_with_what_a_filter_learned(tmp_path: Path):
     assert load(tmp_path / "imu.yaml").learned == LEARNED
 
 
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("bias", (100.0, 0.0, 0.0)), ("mag_delay", 99.0), ("hard_iron", (0.0, float("nan"), 0.0))],
+)
+def test_what_no_sensor_can_be_is_neither_saved_nor_loaded(tmp_path: Path, key, value):
+    path = tmp_path / "imu.yaml"
+    with pytest.raises(CalibrationError, match="beyond any sensor's"):
+        save_learned(path, replace(LEARNED, **{key: value}))
+    assert not path.exists()
+    path.write_text("learned: {magnetometer_delay: 99.0}")
+    with pytest.raises(CalibrationError, match=r"imu.yaml: learned.magnetometer_delay is beyond"):
+        load(path)
+
+
 def test_a_new_correction_voids_the_offset_that_was_left_over_from_the_old(tmp_path: Path):
     path = tmp_path / "imu.yaml"
     save_learned(path, LEARNED)

@@ -599,6 +599,41 @@ def test_in_motion_a_gap_costs_little_and_not_for_long(learning, lost):
     assert errors[after + 300].max() < 3.0
 
 
+@pytest.mark.parametrize("alpha", [Settings.alpha, 1.0])
+def test_a_gap_beside_a_rejected_field_or_at_alpha_1_corrects_no_heading(alpha):
+    samples, truth = recording(70.0)
+    turned = rotor.from_axis_angle((0.0, 0.0, 1.0), 80.0 * DEGREE)  # from 60 s on, and stronger
+    samples.mag[6000:] = [
+        2.0 * np.array(felt(rotor.product(turned, truth[i]))[1]) for i in range(6000, 7000)
+    ]
+    kept = np.ones(len(samples), bool)
+    kept[6500:6530] = False
+    few = Samples(samples.stamps[kept], *(part[kept] for part in _columns(samples)))
+    f = filters.make("stateful", Settings(alpha=alpha))
+    errors = errors_deg(f.run(few), np.array(truth)[kept])
+    assert errors[6550] < errors[6499] + 6.0  # up to 70 if a gap were a new start
+
+
+def test_rates_that_are_none_for_long_make_unsure_and_teach_nothing(learning):
+    samples, truth = recording(60.0)
+    samples.gyro[3000:3300] = np.nan
+    told = []
+    rotors = live(samples, learning, lambda: told.append(learning.stddev))
+    tilt, heading = np.degrees(np.array(told).T)
+    assert heading[3299] > 3.0 * heading[2999]
+    assert tilt[3299] > 1.5 * tilt[2999]
+    assert np.abs(learning.bias).max() < 0.1 * DEGREE
+    assert errors_deg(rotors, truth)[3700:].max() < 2.0
+
+
+def test_a_first_field_much_too_weak_does_not_stop_the_learning_of_iron(learning):
+    iron = np.array((4.0, -3.0, 4.0)) * MICRO
+    samples, _ = recording(120.0, iron=iron)
+    samples.mag[:2] *= 1e-3
+    learning.run(samples)
+    assert learning.report.hard_iron == pytest.approx(iron, abs=1.5 * MICRO)
+
+
 def test_samples_that_come_seldom_are_no_gaps():
     assert not any(is_gap(dt, dt) or is_gap(2.0 * dt, dt) for dt in (0.01, 0.1, 0.5))
     assert not is_gap(0.02, 0.002)  # too short for much to happen in it

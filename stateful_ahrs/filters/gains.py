@@ -97,7 +97,7 @@ def part_of_heading(
     Left to itself, heading is never corrected faster than tilt is (1/s).
     """
     if gains.low_pass and gains.average_start and elapsed < START_LOW_PASSED:
-        return min(1.0, NEWER * span / elapsed)
+        return min(1.0, learned.trust * NEWER * span / elapsed)
     if gains.alpha >= 1.0:
         part = 0.0
     elif gains.alpha_heading >= 0.0:

@@ -96,7 +96,8 @@ IRON_NOISE = 0.04  # of the norm, for each radian of turn
 IRON_FORGET = 200.0  # rad
 IRON_FORGET_DISTURBED = 5.0  # rad: another field tells little of the same iron
 IRON_SEEN = 0.05  # of the norm: less than this the room does to the field as well
-IRON_RANGE = 10.0  # of the first norm: a stronger field is another's
+IRON_RANGE = 10.0  # of the norm: a stronger field is another's
+UNIT_OFF = 0.5  # how far the unit of the equations may be from the norm of the reference
 
 
 class Floats(Protocol):
@@ -177,7 +178,7 @@ class Room(NamedTuple):
 
     elapsed: float = 0.0  # s
     rest_windows: int = 0
-    unit: float = 0.0  # the first norm of the field
+    unit: float = 0.0  # about the norm of the field: that of the first, or of the reference
     iron_known: Vector = (0.0, 0.0, 0.0)  # from which hard iron is sought
     swaps: int = 0  # how often a candidate took the place of the reference
     field: Field = Field()
@@ -334,7 +335,7 @@ class Sums(NamedTuple):
     field: Vector  # mean, earth frame
     field_rate: Vector  # of ω × m, likewise
     field_rate_square: float  # mean |ω × m|²
-    unit: float  # first norm of the field
+    unit: float  # of the sphere
     largest: float  # |m|² in that unit
     sphere: tuple[
         float,
@@ -508,7 +509,7 @@ def learn(
 
     propagate(memory, time, chosen.bias)
     for i in range(3):
-        memory[COVARIANCE + DIAGONAL * i] += window.doubt
+        memory[COVARIANCE + DIAGONAL * i] += window.doubt / HEADING_SHARE**2  # to be told whole
     for i in range(STATES):
         memory[STATE + i] = memory[ROW + i] = 0.0
         memory[FREE + i] = 1.0
@@ -569,10 +570,10 @@ def learn(
     drift = (
         (x - x0 - own_x) / WINDOW,
         (y - y0 - own_y) / WINDOW,
-        (z - z0 - own_z + REGAINED * z0) / WINDOW,
+        0.0 if window.heading_rate == 0.0 else (z - z0 - own_z + REGAINED * z0) / WINDOW,
     )
     room = Room(
-        elapsed, rest_windows, sums.unit, room.iron_known, room.swaps, room.field, room.delay
+        elapsed, rest_windows, room.unit, room.iron_known, room.swaps, room.field, room.delay
     )
     tilt = 0.5 * (memory[COVARIANCE] + memory[COVARIANCE + DIAGONAL] + x * x + y * y)
     heading = memory[COVARIANCE + 2 * DIAGONAL] + z * z
@@ -647,6 +648,19 @@ def hard_iron_of(
     size = x * x + y * y + z * z
     kept = sums.unit * max(0.0, 1.0 - IRON_SEEN**2 / (size + 1e-12))
     return (known[0] + kept * x, known[1] + kept * y, known[2] + kept * z)
+
+
+def give_unit(memory: Floats, times: float) -> None:
+    """Write the equations of the sphere in a unit that is so many times theirs."""
+    small = 1.0 / times
+    for i in range(4):
+        for j in range(5):
+            scale = small if i < 3 else 1.0
+            if j < 3:
+                scale *= small
+            elif j == 4:
+                scale *= small * small
+            memory[IRON + 5 * i + j] *= scale
 
 
 def solve(memory: Floats) -> Vector:
@@ -798,5 +812,9 @@ def hear(
         looks,
         surprise,
     )
-    room = Room(room.elapsed, room.rest_windows, room.unit, room.iron_known, swaps, field, delays)
+    unit = sums.unit
+    if not UNIT_OFF * unit < norm_reference < unit / UNIT_OFF:  # the first sample was a bad one
+        give_unit(memory, norm_reference / unit)
+        unit = norm_reference
+    room = Room(room.elapsed, room.rest_windows, unit, room.iron_known, swaps, field, delays)
     return room, told(learned, delay, hard_iron, trust, heading_rate), own

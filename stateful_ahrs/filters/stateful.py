@@ -62,7 +62,7 @@ from .gains import (
     plain_gains,
     weight_of_gyro,
 )
-from .gaps import SURE, across, is_gap
+from .gaps import MUCH_LOST, is_gap, left_of, middle, variance_lost
 from .kernel import Kernel, KernelFilter, Report
 from .learning import (
     COLUMNS,
@@ -104,10 +104,10 @@ DISTURBED = 0.1  # trust of a field three standard deviations off
 
 # What happened since the slow room last looked back: the time (s), the corrections (rad, earth
 # frame), the rows of the log, the time since the last row, and since the last with a magnetic field
-# (s), the last step (s), the variance of turns in gaps (rad²). Without names, because one is made
-# for each sample.
-Past = tuple[float, Vector, int, float, float, float, float]
-NO_PAST: Past = (0.0, ZERO, 0, 0.0, 1.0, 0.0, 0.0)
+# (s), the last step (s), the variance of turns that no rate told (rad²), and for how long a rate is
+# being held (s). Without names, because one is made for each sample.
+Past = tuple[float, Vector, int, float, float, float, float, float]
+NO_PAST: Past = (0.0, ZERO, 0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
 class State(NamedTuple):
@@ -180,11 +180,20 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
         turn_rate = true_rate(learned, rate)
         if mag[0] == mag[0]:
             mag = true_field(learned, mag, turn_rate)
-    lost = 0.0
-    if learns and is_gap(dt, past[5]):
-        turn_rate, lost = across(true_rate(learned, last.rate), turn_rate, dt)
-        (mean, time, field), sure = earth, SURE / lost
-        elapsed, earth = min(elapsed, sure), (mean, min(time, sure), field)
+    lost = held_for = 0.0
+    if learns:
+        if gyro_rejected > last.gyro_rejected and dt > 0.0:
+            held_for = past[7] + dt
+            lost = variance_lost(turn_rate, turn_rate, held_for)
+            lost -= variance_lost(turn_rate, turn_rate, past[7])
+        elif is_gap(dt, past[5]):
+            before = true_rate(learned, last.rate)
+            lost = variance_lost(before, turn_rate, dt)
+            turn_rate = middle(before, turn_rate)
+        if lost > 0.0 and alpha < 1.0 and gains.alpha_heading < 1.0:
+            mean, time, field = earth
+            earth = (mean, left_of(time, lost), field)
+            elapsed = left_of(min(elapsed, AVERAGED), lost)
     turn = from_rate(turn_rate, dt)
     force = accel
     if despike:
@@ -244,7 +253,7 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
     row, due = 0.0, False
     if learns:
         fresh = sources.use_mag and senses.mag_age == 0.0
-        past, row, due = passed(past, fresh, change, elapsed, dt, lost, begins, starts)
+        past, row, due = passed(past, fresh, change, elapsed, dt, lost, held_for, begins, starts)
     return State(
         rotor, senses, elapsed, predicted, pace, learned, room, past, row, due, seen, earth
     )
@@ -257,6 +266,7 @@ def passed(
     elapsed: float,
     dt: float,
     lost: float,
+    held_for: float,
     begins: bool,
     starts: bool,
 ) -> tuple[Past, float, bool]:
@@ -264,9 +274,9 @@ def passed(
 
     Also returns ``row`` and ``due`` of the `State`.
     """
-    time, applied, rows, row_time, mag_row_time, _, doubt = past
+    time, applied, rows, row_time, mag_row_time, _, doubt, _ = past
     if begins:
-        return (0.0, applied, 0, 0.0, 1.0, dt, 0.0), 0.0, True
+        return (0.0, applied, 0, 0.0, 1.0, dt, 0.0, 0.0), 0.0, True
     if starts:
         return NO_PAST, 0.0, False
     time, row_time, mag_row_time = time + dt, row_time + dt, mag_row_time + dt
@@ -276,6 +286,7 @@ def passed(
         row, row_time = row_time, 0.0
         if fresh:
             mag_row_time = 0.0
+    doubt += lost
     x, y, z = applied
     _, i, j, k = change
     window = WINDOW if elapsed > WINDOW else 0.25 * WINDOW
@@ -287,17 +298,18 @@ def passed(
             row_time,
             mag_row_time,
             dt,
-            doubt + lost,
+            doubt,
+            held_for,
         ),
         row,
-        rows > 0 and (time >= window - 0.5 * dt or rows == ROWS),
+        rows > 0 and (time >= window - 0.5 * dt or rows == ROWS or doubt > MUCH_LOST),
     )
 
 
 def note(memory: Floats, state: State, accel: Vector, mag: Vector) -> None:
     """Write the sample that made ``state`` into the log, as its last row."""
     senses = state.senses
-    _, _, rows, _, mag_row_time, _, _ = state.past
+    _, _, rows, _, mag_row_time, _, _, _ = state.past
     at = LOG + COLUMNS * (rows - 1)
     memory[at], memory[at + 1], memory[at + 2], memory[at + 3] = state.predicted
     memory[at + 4], memory[at + 5], memory[at + 6] = senses.rate
@@ -312,7 +324,7 @@ def note(memory: Floats, state: State, accel: Vector, mag: Vector) -> None:
 def look_back(state: State, memory: Floats, gains: Gains) -> State:
     """The slow room's turn: after a window, a new start, or the first heading."""
     room, learned = state.room, state.learned
-    _, applied, rows, row_time, mag_row_time, step, doubt = state.past
+    _, applied, rows, row_time, mag_row_time, step, doubt, held_for = state.past
     if rows > 0:
         _, _, tilt_rate = paced(gains, step)
         heading_rate = -1.0
@@ -336,7 +348,7 @@ def look_back(state: State, memory: Floats, gains: Gains) -> State:
         first_heading(memory, applied)
     else:
         room, learned = start_anew(memory, room, learned)
-    past = (0.0, ZERO, 0, row_time, mag_row_time, step, 0.0)
+    past = (0.0, ZERO, 0, row_time, mag_row_time, step, 0.0, held_for)
     return State(
         state.rotor, state.senses, state.elapsed, state.predicted, state.pace, learned, room, past,
         0.0, False, state.seen, state.earth,

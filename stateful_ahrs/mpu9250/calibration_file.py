@@ -35,11 +35,15 @@ SECTIONS = {
     "mag": _Section("magnetometer", "hard_iron", "soft_iron", "tesla"),
 }
 HEADER = """\
-# A sensor's calibration, written by `calibrate`; `imu_driver` loads it (calibration_file).
+# A sensor's calibration (calibration_file). `calibrate` writes what `imu_driver` corrects:
 #   angular rate   = raw - bias                      rad/s
 #   specific force = matrix (raw - offset)           m/s²
 #   magnetic field = soft_iron (raw - hard_iron)     tesla
+# `fusion` writes what it learned and corrects itself (learned):
+#   angular rate   = (1 + misalignment) (given - bias)
+#   magnetic field = given - hard_iron, magnetometer_delay seconds ago
 """
+LARGEST = {"bias": 1.0, "misalignment": 0.2, "mag_delay": 0.5, "hard_iron": 1e-2}  # learned, SI
 LEARNED = {
     "bias": "bias",
     "misalignment": "misalignment",
@@ -161,7 +165,17 @@ def _learned(content: object) -> tuple[Known, str]:
     where = "magnetometer_delay"
     delay = float(_number(entries.get(where, 0.0), f"learned.{where}"))
     known = Known(misalignment=misalignment, mag_delay=delay, **vectors)
+    _believe(known)
     return known, _text(entries.get("date", ""), "learned.date")
+
+
+def _believe(known: Known) -> None:
+    """Raise a `CalibrationError` where no sensor can be so."""
+    for key, most in LARGEST.items():
+        if not (found := float(np.abs(getattr(known, key)).max())) <= most:
+            raise CalibrationError(
+                f"learned.{LEARNED[key]} is beyond any sensor's: {found:g}, at most {most:g}."
+            )
 
 
 def _correction(content: object, section: _Section) -> Correction:
@@ -264,6 +278,10 @@ def merged(path: Path | str, sensor: str, **corrections: Correction) -> Calibrat
 
 
 def save_learned(path: Path | str, learned: Known) -> None:
-    """Put what a filter learned into the file, beside what else is in it."""
+    """Put what a filter learned into the file, beside what else is in it.
+
+    `CalibrationError` if no sensor can be so, or the file cannot be read or written.
+    """
+    _believe(learned)
     before = load(path) if exists(path) else Calibration()
     save(replace(before, learned=learned, learned_date=now()), path)

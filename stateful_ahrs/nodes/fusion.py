@@ -386,7 +386,9 @@ class Fusion(Node):
             "mag_samples": self._mag_count,
             "imu_age_s": imu_age,
             "mag_age_s": mag_age,
-            "heading": "magnetometer" if report.heading_from_mag else "gyroscope",
+            "heading": "magnetometer"
+            if report.heading_from_mag and mag_age <= SILENT
+            else "gyroscope",
             "gyro_bias_rad_s": " ".join(
                 f"{value:.6f}" for value in rotor.total(self._bias, self._filter.bias)
             ),
@@ -416,7 +418,8 @@ class Fusion(Node):
             return ERROR, self._silence(self._imu_in.topic_name, imu_age), values
         for topic in (self._imu_in.topic_name, self._mag_in.topic_name):
             if (publishers := self.count_publishers(topic)) > 1:
-                return WARN, f"{publishers} publishers on {topic}: sensors are mixed.", values
+                mixed = f"{publishers} publishers on {topic}: sensors are mixed"
+                return WARN, f"{mixed}, unless one has just crashed.", values
         if not report.started:
             return ERROR, "No usable accelerometer sample yet: orientation unknown.", values
         for sensor, count in rejected.items():
