@@ -27,7 +27,6 @@ RATE = 100.0  # Hz, of all three sensors
 SAMPLES = 60_000
 SHORT = 2_000  # samples for what runs in plain Python
 IN_C = ("paper", "stateful")
-QUICK = tuple(dict.fromkeys((*IN_C, FILTER)))
 # Contraction, because both are compiled with it in Python (`fused` in compiled.py).
 C_FLAGS = ("-O3", "-march=native", "-fno-math-errno", "-ffp-contract=fast", "-shared", "-fPIC")
 
@@ -50,23 +49,29 @@ def tumbling(count: int = SAMPLES) -> Samples:
 
 
 def eventful(samples: Samples) -> Samples:
-    """The same with a weak first field, a rest, glitches, rates lost, and then another field."""
+    """The same with what happens seldom, for comparison of filters that ought to be the same."""
     gyro, accel, mag = (part.copy() for part in (samples.gyro, samples.accel, samples.mag))
-    gyro[:1000] *= 0.002
-    accel[:1000], mag[:1000] = accel[:1], mag[:1]
-    gyro[2000], accel[2100], mag[2200] = 30.0, 100.0, 1e-3
+    mag[0] *= 0.01  # a first field much too weak
+    for rows, rate in ((slice(1000), 0.0), (slice(4000, 5000), 0.02)):  # a rest, a slow turn
+        gyro[rows] = gyro[rows] * 0.002 + rate
+        accel[rows], mag[rows] = accel[rows][:1], mag[rows][:1]
+    gyro[2000], accel[2100], mag[2200] = 30.0, 100.0, 1e-3  # glitches
     gyro[3000:3050] = np.nan
-    mag[0] *= 0.01
-    mag[len(mag) // 2 :] *= 1.3
+    mag[3500:3600] *= 20.0
+    quarter = len(samples) // 4
+    mag[2 * quarter : 3 * quarter] *= 1.3  # another field, and back
+    mag[3 * quarter : 3 * quarter + 100] = 0.0
     stamps = samples.stamps.copy()
-    stamps[len(stamps) // 2 :] += 200_000_000
+    stamps[quarter:] += 800_000_000  # a gap
+    stamps[quarter + 200 :] += 100_000_000  # another
+    stamps[3 * quarter :] += 2_000_000_000  # a new start, without a field
     return Samples(stamps, gyro, accel, mag)
 
 
 def measure(quick: bool, seconds: float) -> dict[str, Any]:
     """ns per sample of each, and its ratio to VQF's: medians of rounds in which all take turns."""
     samples = tumbling()
-    names = QUICK if quick else tuple(filters.FILTERS)
+    names = IN_C if quick else tuple(filters.FILTERS)
     runs: dict[str, tuple[int, Callable[[], object]]] = {}
     for name in names:
         filter_ = filters.make(name)
@@ -78,11 +83,11 @@ def measure(quick: bool, seconds: float) -> dict[str, Any]:
     runs |= peers(samples)
     in_c = IN_C if shutil.which("cc") else ()
     for name in in_c:
-        for same in (eventful(samples), samples) if name == "stateful" else (samples,):
-            twin = c_filter(name, same)
-            off = float(np.abs(twin() - filters.make(name).run(same)).max())
+        twin = c_filter(name)
+        for same in (samples, eventful(samples)) if name == FILTER else (samples,):
+            off = float(np.abs(twin(same)() - filters.make(name).run(same)).max())
             assert off < 1e-6, f"{name} in C is another filter: {off}"
-        runs[f"{name} in C"] = len(samples), twin
+        runs[f"{name} in C"] = len(samples), twin(samples)
     for _, run in runs.values():
         run()  # compiles
     took: dict[str, list[float]] = {name: [] for name in runs}
@@ -141,24 +146,24 @@ def peers(samples: Samples) -> dict[str, tuple[int, Callable[[], object]]]:
     }
 
 
-def c_filter(name: str, samples: Samples) -> Callable[[], Array]:
-    """The filter of that name written in C, over these samples."""
-    library = Path(tempfile.mkdtemp(prefix="stateful_ahrs_bench")) / f"{name}.so"
-    source = Path(__file__).with_name(f"{name}.c")
-    subprocess.run(["cc", *C_FLAGS, "-o", library, source, "-lm"], check=True)
-    run = ctypes.CDLL(str(library)).run
-    arrays = [samples.gyro, samples.accel, samples.mag, steps(samples.stamps)]
-    rotors = np.empty((len(samples), 4))
-    pointers = [ctypes.c_void_p(array.ctypes.data) for array in (*arrays, rotors)]
+def c_filter(name: str) -> Callable[[Samples], Callable[[], Array]]:
+    """The filter of that name written in C, as a function of the samples to run it over."""
+    with tempfile.TemporaryDirectory(prefix="stateful_ahrs_bench") as folder:
+        library = Path(folder) / f"{name}.so"
+        source = Path(__file__).with_name(f"{name}.c")
+        subprocess.run(["cc", *C_FLAGS, "-o", library, source, "-lm"], check=True)
+        run = ctypes.CDLL(str(library)).run
 
-    def call() -> Array:
-        run(
-            ctypes.c_long(len(samples)),
-            ctypes.c_double(DEFAULTS.alpha),
-            ctypes.c_double(DEFAULTS.alpha_rate),
-            *pointers,
-        )
-        return rotors
+    def over(samples: Samples) -> Callable[[], Array]:
+        arrays = [samples.gyro, samples.accel, samples.mag, steps(samples.stamps)]
+        rotors = np.empty((len(samples), 4))
+        alpha, rate = ctypes.c_double(DEFAULTS.alpha), ctypes.c_double(DEFAULTS.alpha_rate)
 
-    call.arrays = arrays  # type: ignore[attr-defined]  # kept alive
-    return call
+        def call() -> Array:
+            pointers = [ctypes.c_void_p(array.ctypes.data) for array in (*arrays, rotors)]
+            run(ctypes.c_long(len(samples)), alpha, rate, *pointers)
+            return rotors
+
+        return call
+
+    return over

@@ -7,7 +7,7 @@
 #define DEGREE (3.14159265358979323846 / 180.0)
 #define ZERO ((Vector){0.0, 0.0, 0.0})
 
-enum { ROWS = 64, STATES = 15, LEARNED = 12, AXIS = 4, WIDTH = 16 };
+enum { ROWS = 64, STATES = 15, LEARNED = 12, PER_AXIS = 4, WIDTH = 16 };
 
 static const double WINDOW = 0.5, ROW_TIME = 0.037, REGAINED = 0.25, GRAVITY = 9.81;
 static const double TILT_AT_START = 30.0 * DEGREE, HEADING_AT_START = 90.0 * DEGREE;
@@ -125,7 +125,7 @@ static void begin(Memory *m, Room *room, Learned *learned)
 {
     memset(m, 0, sizeof *m);
     for (int i = 3; i < STATES; i++)
-        m->covariance[i][i] = squared(i % AXIS == 3 ? BIAS_AT_START : MISALIGNMENT_AT_START);
+        m->covariance[i][i] = squared(i % PER_AXIS == 3 ? BIAS_AT_START : MISALIGNMENT_AT_START);
     *room = (Room){.delay = {.weight = 1.0}};
     *learned = (Learned){.axes = {{{1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 0.0, 1.0}}}};
     start_anew(m, room, learned);
@@ -188,11 +188,11 @@ static Sums gather(Memory *m, const Window *window, const Learned *learned, doub
         const Matrix turn = matrix(row->predicted);
         sums.time += row->span;
         Vector unbiased = minus(row->rate, learned->bias), moved = times(row->span, unbiased);
-        const double did[AXIS] = {-row->span, moved.x, moved.y, moved.z};
+        const double did[PER_AXIS] = {-row->span, moved.x, moved.y, moved.z};
         for (int i = 0; i < 3; i++)
             for (int j = 0; j < 3; j++)
-                for (int k = 0; k < AXIS; k++)
-                    m->effect[i][AXIS * j + k] += turn.row[i][j] * did[k];
+                for (int k = 0; k < PER_AXIS; k++)
+                    m->effect[i][PER_AXIS * j + k] += turn.row[i][j] * did[k];
         sums.rate = total(sums.rate, row->rate);
         rate_square += square(row->rate);
         accel = total(accel, row->force);
@@ -247,7 +247,7 @@ static void propagate(Memory *m, double time)
     for (int i = 0; i < 3; i++) {
         for (int k = 0; k < LEARNED; k++) p[3 + k][i] = p[i][3 + k] += shift[i][k];
         p[i][i] += ATTITUDE_WALK * time;
-        p[3 + AXIS * i][3 + AXIS * i] += BIAS_WALK * time;
+        p[3 + PER_AXIS * i][3 + PER_AXIS * i] += BIAS_WALK * time;
     }
 }
 
@@ -255,7 +255,7 @@ static void propagate(Memory *m, double time)
 static int is_bias(const Memory *m, const double off[3])
 {
     for (int i = 0; i < 3; i++) {
-        double sigma = sqrt(m->covariance[3 + AXIS * i][3 + AXIS * i]);
+        double sigma = sqrt(m->covariance[3 + PER_AXIS * i][3 + PER_AXIS * i]);
         if (!(fabs(off[i]) < REST_SIGMA * sigma + REST_SLACK)) return 0;
     }
     return 1;
@@ -438,9 +438,9 @@ static void learn(Memory *m, Room *room, Learned *learned, const Window *window)
     room->rest_windows = rests ? room->rest_windows + 1 : 0;
     learned->resting = room->rest_windows >= REST_WINDOWS;
     for (int i = 0; i < 3 && learned->resting; i++) {
-        m->row[3 + AXIS * i] = 1.0;
+        m->row[3 + PER_AXIS * i] = 1.0;
         measure(m, FREE, REST_VARIANCE / time, off[i]);
-        m->row[3 + AXIS * i] = 0.0;
+        m->row[3 + PER_AXIS * i] = 0.0;
     }
 
     /* Tilt: the low-passed up should be vertical. */
@@ -472,5 +472,5 @@ static void learn(Memory *m, Room *room, Learned *learned, const Window *window)
     learned->tilt_stddev = sqrt(squared(TILT_SHARE) * tilt + squared(TILT_FLOOR));
     learned->bias = total(learned->bias, (Vector){m->state[3], m->state[7], m->state[11]});
     for (int i = 0; i < 3; i++)
-        for (int k = 0; k < 3; k++) learned->axes.row[i][k] += m->state[4 + AXIS * i + k];
+        for (int k = 0; k < 3; k++) learned->axes.row[i][k] += m->state[4 + PER_AXIS * i + k];
 }

@@ -37,8 +37,11 @@ static const double JUMP_OF_FORCE = 30.0; /* m/s^2 */
 static const double ALIKE = 1.0 / 16.0; /* of the square of the jump */
 static const double STAYS = 0.25, SHORT = 0.03; /* s */
 
-/* The rate before the last, the time that the last turned for, the last force, the one before. */
+/* The rate before the last, the time that the last turned for (negative where the mean of both did),
+   the last force, the one before. */
 typedef struct { Vector rate; double span; Vector force, force_before; } Seen;
+
+static Vector middle(Vector u, Vector v) { return times(0.5, total(u, v)); }
 
 static int is_far(Vector u, Vector v, double jump) { return square(minus(u, v)) > jump * jump; }
 
@@ -55,7 +58,10 @@ static Vector to_neighbours(Vector last, Vector before, Vector after, double jum
 static Rotor way_back(Vector last, const Seen *seen, Vector rate)
 {
     Vector meant = total(last, to_neighbours(last, seen->rate, rate, JUMP_OF_RATE));
-    return product(conjugate(from_rate(last, seen->span)), from_rate(meant, seen->span));
+    double span = seen->span;
+    if (span < 0.0)
+        span = -span, last = middle(seen->rate, last), meant = middle(seen->rate, meant);
+    return product(conjugate(from_rate(last, span)), from_rate(meant, span));
 }
 
 /* The force that undoes in a low-pass, which is linear, what the last did if it was none. */
@@ -306,15 +312,16 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
     senses->rate = rate;
     Vector turn_rate = true_rate(learned, rate);
     mag = true_field(learned, mag, turn_rate);
-    double lost = 0.0, held_for = 0.0;
+    double lost = 0.0, held_for = 0.0, span = dt;
     if (held && dt > 0.0) {
         held_for = s->past.held_for + dt;
         lost = variance_lost(turn_rate, turn_rate, held_for);
         lost -= variance_lost(turn_rate, turn_rate, s->past.held_for);
     } else if (is_gap(dt, s->past.step)) {
         Vector before = true_rate(learned, last);
-        lost = variance_lost(before, turn_rate, dt);
-        turn_rate = times(0.5, total(before, turn_rate));
+        int may_be_none = is_far(rate, last, JUMP_OF_RATE);
+        lost = variance_lost(before, may_be_none ? before : turn_rate, dt);
+        turn_rate = middle(before, turn_rate), span = -dt;
     }
     if (lost > 0.0) {
         s->earth.time = left_of(s->earth.time, lost);
@@ -327,7 +334,7 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
         if (is_far(accel, s->seen.force, JUMP_OF_FORCE)) accel = put_right(&s->seen, turn, accel);
     }
     /* What a start takes is in no low-pass, and nothing has turned by it. */
-    s->seen = dt > 0.0 ? (Seen){last, dt, force, s->seen.force} : (Seen){last, 0.0, ZERO, ZERO};
+    s->seen = dt > 0.0 ? (Seen){last, span, force, s->seen.force} : (Seen){last, 0.0, ZERO, ZERO};
     Rotor predicted = product(s->rotor, turn);
     if (dt != s->pace.dt) s->pace = paced(gains, dt);
     Pace pace = s->pace;

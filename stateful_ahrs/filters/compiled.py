@@ -89,7 +89,7 @@ def packed(kernel: Callable[..., Any], *like: Any) -> Callable[..., Any]:
     of what works on matrices, but what works on tuples it slows down, so numba leaves it alone.
     """
     numba = _numba()
-    if numba is None:
+    if numba is None or numba.config.DISABLE_JIT:
         return kernel
     called = {name: compiled(value, True, True) for name, value in kernels_of(kernel).items()}
     one = _jit(numba, False, True)(twin(kernel, called, kernel.__qualname__ + "_packed"))

@@ -29,7 +29,7 @@ COLUMNS = 14  # rotor 4, gyro 3, accel 3, mag 3, time since the last row
 REGAINED = 0.25  # of the heading that a sudden magnet took before anyone looked back
 STATES = 15  # δ, and for each axis of the gyroscope b and a row of E
 LEARNED = 12  # b and E
-AXIS = 4  # of them for each axis
+PER_AXIS = 4  # of them: b and a row of E
 WIDTH = 16  # of the covariance: four times four
 DIAGONAL = WIDTH + 1  # from one variance to the next
 
@@ -109,7 +109,7 @@ class Floats(Protocol):
 
 
 # What the slow room keeps, flat and changed in place, and where its parts begin.
-COVARIANCE = 0  # (16, 16) of δ and what is learned; the last row and column stay zero
+COVARIANCE = 0  # (16, 16) of the states; the last row and column stay zero
 ERROR = COVARIANCE + WIDTH * WIDTH  # (3,) δ that is known and not yet corrected
 LAG = ERROR + 3  # (2, 12) how far the low-passed up lags what b and E did
 IRON = LAG + 2 * LEARNED  # (4, 5) normal equations of the sphere about the hard iron
@@ -228,7 +228,7 @@ def begin(memory: Floats, known: Known) -> tuple[Room, Learned]:
         spread = MISALIGNMENT_IF_KNOWN
     forget_attitude(memory)
     for at in range(3, STATES):
-        memory[COVARIANCE + DIAGONAL * at] = (bias if at % AXIS == 3 else spread) ** 2
+        memory[COVARIANCE + DIAGONAL * at] = (bias if at % PER_AXIS == 3 else spread) ** 2
     (a, b, c), (d, e, f), (g, h, i) = known.misalignment
     delay = Delay()
     if known.mag_delay != 0.0:
@@ -284,7 +284,7 @@ def forget_heading(memory: Floats, variance: float) -> None:
 
 def measure(memory: Floats, variance: float, value: float) -> float:
     """One scalar Kalman update with ``ROW``; returns 1 / (variance of the innovation)."""
-    for j in range(0, WIDTH, AXIS):
+    for j in range(0, WIDTH, PER_AXIS):
         x = y = z = w = 0.0
         for i in range(STATES):
             r = memory[ROW + i]
@@ -305,7 +305,7 @@ def measure(memory: Floats, variance: float, value: float) -> float:
     for i in range(STATES):
         memory[CROSS + i] *= root
         memory[STATE + i] += value * memory[FREE + i] * memory[CROSS + i]
-    for j in range(0, WIDTH, AXIS):
+    for j in range(0, WIDTH, PER_AXIS):
         at, free = CROSS + j, FREE + j
         x, fx = memory[at], memory[at] * memory[free]
         y, fy = memory[at + 1], memory[at + 1] * memory[free + 1]
@@ -383,7 +383,7 @@ def gather(memory: Floats, rows: int, up: Vector, learned: Learned, room: Room) 
         for i in range(3):
             for j in range(3):
                 r = turn[3 * i + j]
-                to = EFFECT + LEARNED * i + AXIS * j
+                to = EFFECT + LEARNED * i + PER_AXIS * j
                 memory[to] -= r * span
                 memory[to + 1] += r * moved_x
                 memory[to + 2] += r * moved_y
@@ -485,13 +485,13 @@ def propagate(memory: Floats, time: float, walks: bool) -> None:
             memory[COVARIANCE + WIDTH * (3 + k) + i] = memory[at]
         memory[COVARIANCE + DIAGONAL * i] += ATTITUDE_WALK * time
         if walks:
-            memory[COVARIANCE + DIAGONAL * (3 + AXIS * i)] += BIAS_WALK * time
+            memory[COVARIANCE + DIAGONAL * (3 + PER_AXIS * i)] += BIAS_WALK * time
 
 
 def is_bias(memory: Floats, rate: Vector, bias: Vector) -> bool:
     """Whether a mean rate (rad/s) is as near to the known bias as that is sure: else it turns."""
     for i in range(3):
-        sigma = math.sqrt(memory[COVARIANCE + DIAGONAL * (3 + AXIS * i)])
+        sigma = math.sqrt(memory[COVARIANCE + DIAGONAL * (3 + PER_AXIS * i)])
         if not abs(rate[i] - bias[i]) < REST_SIGMA * sigma + REST_SLACK:
             return False
     return True
@@ -515,7 +515,7 @@ def learn(
         memory[FREE + i] = 1.0
     for i in range(3):
         memory[STATE + i] = memory[ERROR + i] - applied[i]
-        at = 3 + AXIS * i
+        at = 3 + PER_AXIS * i
         if not chosen.bias:
             memory[FREE + at] = 0.0
         if not chosen.misalignment:
@@ -535,9 +535,9 @@ def learn(
     resting = rest_windows >= REST_WINDOWS
     if resting and chosen.bias:
         for i in range(3):
-            memory[ROW + 3 + AXIS * i] = 1.0
+            memory[ROW + 3 + PER_AXIS * i] = 1.0
             measure(memory, REST_VARIANCE / time, rate[i] - learned.bias[i])
-            memory[ROW + 3 + AXIS * i] = 0.0
+            memory[ROW + 3 + PER_AXIS * i] = 0.0
 
     # Tilt: the low-passed up should be vertical.
     fade = math.exp(-time / LOW_PASS)

@@ -22,8 +22,8 @@ SHORT = 0.03  # s: in longer steps a motion may well turn and turn back
 
 
 # What is remembered for it, beside the last good rate: the rate before it (rad/s), the time that
-# the last one turned for (s), the last force and the one before (m/s²). Without names, because one
-# is made for each sample.
+# the last one turned for (s; negative where the mean of both did, in a gap), the last force and the
+# one before (m/s²). Without names, because one is made for each sample.
 Seen = tuple[Vector, float, Vector, Vector]
 UNSEEN: Seen = (ZERO, 0.0, ZERO, ZERO)
 
@@ -39,10 +39,10 @@ def is_far(u: Vector, v: Vector, jump: float) -> bool:
 def way_back(last: Vector, seen: Seen, rate: Vector) -> Rotor:
     """What takes back the last turn if its rate (rad/s) was none; else the identity."""
     before, span, _, _ = seen
-    x, y, z = to_neighbours(last, before, rate, JUMP_OF_RATE)
-    u, v, w = last
-    meant = from_rate((u + x, v + y, w + z), span)
-    return product(conjugate(from_rate(last, span)), meant)
+    meant = total(last, to_neighbours(last, before, rate, JUMP_OF_RATE))
+    if span < 0.0:
+        span, last, meant = -span, middle(before, last), middle(before, meant)
+    return product(conjugate(from_rate(last, span)), from_rate(meant, span))
 
 
 def put_right(seen: Seen, turn: Rotor, accel: Vector) -> Vector:
@@ -78,6 +78,11 @@ def is_glitch(mag: Vector, last: Vector, age: float, dt: float) -> bool:
     if last == ZERO or not (age - dt < STAYS and dt < SHORT):
         return False
     return square(minus(mag, last)) > min(square(mag), square(last))
+
+
+def middle(u: Vector, v: Vector) -> Vector:
+    """The mean of two vectors."""
+    return (0.5 * (u[0] + v[0]), 0.5 * (u[1] + v[1]), 0.5 * (u[2] + v[2]))
 
 
 def square(v: Vector) -> float:

@@ -62,7 +62,7 @@ from .gains import (
     plain_gains,
     weight_of_gyro,
 )
-from .gaps import MUCH_LOST, is_gap, left_of, middle, variance_lost
+from .gaps import MUCH_LOST, is_gap, left_of, variance_lost
 from .kernel import Kernel, KernelFilter, Report
 from .learning import (
     COLUMNS,
@@ -93,6 +93,7 @@ from .spikes import (
     ZERO,
     Seen,
     is_far,
+    middle,
     put_right,
     way_back,
 )
@@ -180,7 +181,7 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
         turn_rate = true_rate(learned, rate)
         if mag[0] == mag[0]:
             mag = true_field(learned, mag, turn_rate)
-    lost = held_for = 0.0
+    lost, held_for, span = 0.0, 0.0, dt
     if learns:
         if gyro_rejected > last.gyro_rejected and dt > 0.0:
             held_for = past[7] + dt
@@ -188,8 +189,10 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
             lost -= variance_lost(turn_rate, turn_rate, past[7])
         elif is_gap(dt, past[5]):
             before = true_rate(learned, last.rate)
-            lost = variance_lost(before, turn_rate, dt)
+            may_be_none = is_far(rate, last.rate, JUMP_OF_RATE)
+            lost = variance_lost(before, before if may_be_none else turn_rate, dt)
             turn_rate = middle(before, turn_rate)
+            span = -dt
         if lost > 0.0 and alpha < 1.0 and gains.alpha_heading < 1.0:
             mean, time, field = earth
             earth = (mean, left_of(time, lost), field)
@@ -203,7 +206,7 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
             if low_pass and is_far(accel, seen[2], JUMP_OF_FORCE):
                 accel = put_right(seen, turn, accel)
         # What a start takes is in no low-pass, and nothing has turned by it.
-        seen = (last.rate, dt, force, seen[2]) if dt > 0.0 else (last.rate, 0.0, ZERO, ZERO)
+        seen = (last.rate, span, force, seen[2]) if dt > 0.0 else (last.rate, 0.0, ZERO, ZERO)
     predicted = predict(rotor, turn)
     if dt != pace[0]:
         pace = paced(gains, dt)
