@@ -668,8 +668,12 @@ def test_at_rest_a_gap_makes_a_little_unsure(learning):
     kept = np.ones(len(samples), bool)
     kept[3000:3080] = False
     few = Samples(samples.stamps[kept], *(part[kept] for part in _columns(samples)))
-    errors = errors_deg(learning.run(few), np.array(truth)[kept])
+    told = []
+    errors = errors_deg(
+        live(few, learning, lambda: told.append(learning.stddev[1])), np.array(truth)[kept]
+    )
     assert errors[3000:].max() < 1.0
+    assert 1.3 * told[2999] < told[3002] < 10.0 * DEGREE
 
 
 def test_samples_that_come_seldom_are_no_gaps():
