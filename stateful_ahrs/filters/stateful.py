@@ -168,6 +168,32 @@ def true_field(learned: Learned, mag: Vector, rate: Vector) -> Vector:
     )
 
 
+def guessed(
+    last: Senses,
+    learned: Learned,
+    past: Past,
+    rate: Vector,
+    turn_rate: Vector,
+    gyro_rejected: int,
+    dt: float,
+) -> tuple[Vector, float, float, float]:
+    """What a step turned by (rad/s) if its rate is held or it is a gap.
+
+    Also returns the variance (rad²) of what it turned, for how long a rate is being held (s), and
+    the step for `Seen`.
+    """
+    if gyro_rejected > last.gyro_rejected and dt > 0.0:
+        held_for = past[7] + dt
+        lost = variance_lost(turn_rate, turn_rate, held_for)
+        return turn_rate, lost - variance_lost(turn_rate, turn_rate, past[7]), held_for, dt
+    if is_gap(dt, past[5]):
+        before = true_rate(learned, last.rate)
+        may_be_none = is_far(rate, last.rate, JUMP_OF_RATE)
+        lost = variance_lost(before, before if may_be_none else turn_rate, dt)
+        return middle(before, turn_rate), lost, 0.0, -dt
+    return turn_rate, 0.0, 0.0, dt
+
+
 def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, dt: float) -> State:
     """Take one sample of all sensors, ``dt`` s after the last; 0 starts anew (eq. 16)."""
     rotor, last, elapsed, _, pace, learned, room, past, _, _, seen, earth = state
@@ -182,17 +208,10 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
         if mag[0] == mag[0]:
             mag = true_field(learned, mag, turn_rate)
     lost, held_for, span = 0.0, 0.0, dt
-    if learns:
-        if gyro_rejected > last.gyro_rejected and dt > 0.0:
-            held_for = past[7] + dt
-            lost = variance_lost(turn_rate, turn_rate, held_for)
-            lost -= variance_lost(turn_rate, turn_rate, past[7])
-        elif is_gap(dt, past[5]):
-            before = true_rate(learned, last.rate)
-            may_be_none = is_far(rate, last.rate, JUMP_OF_RATE)
-            lost = variance_lost(before, before if may_be_none else turn_rate, dt)
-            turn_rate = middle(before, turn_rate)
-            span = -dt
+    if learns and (dt > SHORT or gyro_rejected > last.gyro_rejected):
+        turn_rate, lost, held_for, span = guessed(
+            last, learned, past, rate, turn_rate, gyro_rejected, dt
+        )
         if lost > 0.0 and alpha < 1.0 and gains.alpha_heading < 1.0:
             mean, time, field = earth
             earth = (mean, left_of(time, lost), field)
@@ -402,7 +421,15 @@ def uncorrected(senses: Senses, earth: Earth, *_: object) -> tuple[Senses, Earth
     return senses, earth, False, IDENTITY
 
 
-PLAIN = bind(step, corrected=uncorrected)  # as `step` if the gains have no ``turns``
+def unguessed(
+    last: Senses, learned: Learned, past: Past, rate: Vector, turn_rate: Vector, *_: object
+) -> tuple[Vector, float, float, float]:
+    """Likewise for `guessed`."""
+    return turn_rate, 0.0, 0.0, 0.0
+
+
+# As `step` if the gains have no ``turns`` and no ``learns``.
+PLAIN = bind(step, corrected=uncorrected, guessed=unguessed)
 STATEFUL = Kernel(step, State(), gains)
 PRINTED = Kernel(bind(PLAIN, predict=predict_as_printed), State(), plain_gains)
 
