@@ -603,12 +603,12 @@ def test_in_motion_a_gap_costs_little_and_not_for_long(learning, lost):
     assert errors[after + 300].max() < 3.0
 
 
-@pytest.mark.parametrize("alpha", [Settings.alpha, 1.0])
-def test_a_gap_beside_a_rejected_field_or_at_alpha_1_corrects_no_heading(alpha):
+@pytest.mark.parametrize(("alpha", "strength"), [(Settings.alpha, 2.0), (1.0, 1.0)])
+def test_a_gap_beside_a_rejected_field_or_at_alpha_1_corrects_no_heading(alpha, strength):
     samples, truth = recording(70.0)
-    turned = rotor.from_axis_angle((0.0, 0.0, 1.0), 80.0 * DEGREE)  # from 60 s on, and stronger
+    turned = rotor.from_axis_angle((0.0, 0.0, 1.0), 80.0 * DEGREE)  # from 60 s on
     samples.mag[6000:] = [
-        2.0 * np.array(felt(rotor.product(turned, truth[i]))[1]) for i in range(6000, 7000)
+        strength * np.array(felt(rotor.product(turned, truth[i]))[1]) for i in range(6000, 7000)
     ]
     kept = np.ones(len(samples), bool)
     kept[6500:6530] = False
