@@ -331,8 +331,8 @@ def passed(
 def note(memory: Floats, state: State, accel: Vector, mag: Vector) -> None:
     """Write the sample that made ``state`` into the log, as its last row.
 
-    After a gap the row says the rate at its end, not the mean that it turned by: the slow room gives
-    little on such a row.
+    After a gap the row says the rate at its end, not the mean that it turned by; the slow room,
+    told of the gap, gives little on it.
     """
     senses = state.senses
     _, _, rows, _, mag_row_time, _, _, _ = state.past
