@@ -75,10 +75,9 @@ FIELD_SMOOTH = 1.5  # s
 NORM_SPREAD = 0.025  # of the norm
 DIP_SPREAD = 0.05  # of the sine
 SUDDEN = 0.25  # of the square of a deviation that is not smoothed, and twice as noisy
+OFF = 10.0  # squares of deviations: beyond, trust falls with their square
 REFERENCE = 40.0  # s in which the reference follows an undisturbed field
-REFERENCE_DISTURBED = 400.0  # s in which it follows any
 YOUNG = 20.0  # s
-LARGEST_DISTURBANCE = 50.0
 # Another field that stays while the sensor turns takes the place of the reference.
 UNTRIED = 2.0  # s of motion in which a reference is hardly binding
 UNTRIED_HEADING = 6.0 * DEGREE  # before the field has turned in the sensor frame
@@ -86,6 +85,8 @@ CANDIDATE_SPREAD = 9.0  # (3 σ)²
 CANDIDATE_FAR = 16.0  # (4 σ)²
 CANDIDATE_AGE = 1.0  # s of motion, at least
 OLDEST = 40.0  # s of motion
+TRIED = 5.0  # rad that a trusted field turned: it is left only where heading is lost
+LOST = 20.0 * DEGREE  # of heading
 REST_COUNTS = 0.05  # of a second in motion
 SURPRISE_TIME = 5.0  # s of motion
 SURPRISE_SPREAD = 2.0 * DEGREE  # of heading, from place to place in a room
@@ -94,7 +95,7 @@ SWAP_DEVIATION = 5.0 * DEGREE
 IRON_AT_START = 0.1  # of the norm
 IRON_NOISE = 0.04  # of the norm, for each radian of turn
 IRON_FORGET = 200.0  # rad
-IRON_FORGET_DISTURBED = 5.0  # rad: another field tells little of the same iron
+IRON_FORGET_DISTURBED = 10.0  # rad: another field tells little of the same iron
 IRON_SEEN = 0.05  # of the norm: less than this the room does to the field as well
 IRON_RANGE = 10.0  # of the norm: a stronger field is another's
 UNIT_OFF = 0.5  # how far the unit of the equations may be from the norm of the reference
@@ -156,6 +157,9 @@ class Field(NamedTuple):
     candidate_age: float = 0.0  # s of motion
     looks: float = 0.0  # rad that the trusted field turned in the sensor frame
     surprise: float = 0.0  # rad: mean of what it says of heading beyond what was known
+    left: float = 0.0  # rad: what the one that was left said of heading
+    left_age: float = 0.0  # s of motion
+    rival: float = 0.0  # rad²: variance of heading, as another field may be the right one
 
 
 UNSEEN = Field()
@@ -588,7 +592,7 @@ def learn(
         learned.trust,
         learned.heading_rate,
         drift,
-        math.sqrt(HEADING_SHARE**2 * heading + HEADING_FLOOR**2),
+        math.sqrt(HEADING_SHARE**2 * heading + HEADING_FLOOR**2 + room.field.rival),
         math.sqrt(TILT_SHARE**2 * tilt + TILT_FLOOR**2),
         resting,
     )
@@ -625,11 +629,21 @@ def delay_of(delay: Delay, sums: Sums, trust: float) -> Delay:
 
 
 def hard_iron_of(
-    memory: Floats, sums: Sums, turned: float, trust: float, known: Vector, last: Vector
+    memory: Floats,
+    sums: Sums,
+    turned: float,
+    trust: float,
+    other: float,
+    known: Vector,
+    last: Vector,
 ) -> Vector:
-    """Hard iron from the norm: |m|² = 2 m·h + const on a sphere about h."""
+    """Hard iron from the norm: |m|² = 2 m·h + const on a sphere about h.
+
+    ``other`` is how far the square of the norm is off that of the reference, in such squares.
+    """
     if not sums.largest < IRON_RANGE**2:
         return last
+    free_norm(memory, other**4)
     weight = min(1.0, turned) / (sums.heard * (2.0 * IRON_NOISE) ** 2)
     fade = math.exp(-turned * (trust / IRON_FORGET + (1.0 - trust) / IRON_FORGET_DISTURBED))
     sxx, sxy, sxz, syy, syz, szz, sx, sy, sz, qx, qy, qz, qq = sums.sphere
@@ -648,6 +662,17 @@ def hard_iron_of(
     size = x * x + y * y + z * z
     kept = sums.unit * max(0.0, 1.0 - IRON_SEEN**2 / (size + 1e-12))
     return (known[0] + kept * x, known[1] + kept * y, known[2] + kept * z)
+
+
+def free_norm(memory: Floats, variance: float) -> None:
+    """Let the constant of the sphere walk: another field has another norm, but the same iron."""
+    part = variance / (1.0 + variance * memory[IRON + 18])
+    for i in range(4):
+        memory[SOLVED + i] = part * memory[IRON + 5 * i + 3]
+    for j in range(5):
+        last = memory[IRON + 15 + j]
+        for i in range(4):
+            memory[IRON + 5 * i + j] -= memory[SOLVED + i] * last
 
 
 def give_unit(memory: Floats, times: float) -> None:
@@ -679,6 +704,111 @@ def solve(memory: Floats) -> Vector:
     return x, y, z
 
 
+def compared(
+    field: Field,
+    norm: float,
+    dip: float,
+    north: float,
+    held: float,
+    turned: float,
+    time: float,
+    weigh: bool,
+) -> tuple[Field, float, bool]:
+    """Compare a window's field with the reference, and with another one that may take its place.
+
+    ``dip`` is a sine, ``north`` (rad) what the field says of heading beyond what is known, and
+    ``held`` (rad²) how sure that is. Also returns how far the field can be trusted, and whether
+    another took the place of the reference. Ages count time in motion.
+    """
+    mag_time = field.time + time
+    first = field.norm_reference == 0.0
+    share = min(1.0, max(1.0 - math.exp(-time / FIELD_SMOOTH), time / mag_time))
+    smooth_norm = field.norm + share * (norm - field.norm)
+    smooth_dip = field.dip + share * (dip - field.dip)
+    norm_reference = smooth_norm if first else field.norm_reference
+    dip_reference = smooth_dip if first else field.dip_reference
+    norm_candidate = smooth_norm if first else field.norm_candidate
+    dip_candidate = smooth_dip if first else field.dip_candidate
+    motion = min(turned, time) + REST_COUNTS * time
+    candidate_age = field.candidate_age
+    if apart(norm, dip, norm_candidate, dip_candidate) > CANDIDATE_SPREAD:
+        norm_candidate, dip_candidate, candidate_age = norm, dip, 0.0
+    candidate_age += motion
+    share = motion / min(candidate_age, OLDEST)
+    norm_candidate += share * (norm - norm_candidate)
+    dip_candidate += share * (dip - dip_candidate)
+    off = apart(smooth_norm, smooth_dip, norm_reference, dip_reference)
+    now = apart(norm, dip, norm_reference, dip_reference)
+    # A field that has stayed as long as a reference hardly tried is as likely the honest one.
+    age = max(field.reference_age, 1e-3)
+    untried = UNTRIED / age * (1.0 + min(1.0, candidate_age / age))
+    trust, alike = 1.0, 1.0
+    if weigh:
+        off_now = max(off, SUDDEN * now)
+        alike = 1.0 / (1.0 + off_now)
+        off_now /= 1.0 + untried * untried
+        trust = 1.0 / (1.0 + off_now * (1.0 + off_now / OFF))
+    reference_age = min(field.reference_age + motion * alike, OLDEST)  # another's is not its own
+    left, left_age = field.left, field.left_age
+    left_age *= math.exp(-motion * alike / OLDEST)
+    left_rival = left**2 * odds(left_age, reference_age)
+    far = weigh and off + (field.surprise / SURPRISE_SPREAD) ** 2 > CANDIDATE_FAR
+    older = candidate_age >= max(CANDIDATE_AGE, reference_age)
+    if field.looks > TRIED:  # then only if nobody knows better, or nothing is at stake
+        older = older and (held + left_rival > LOST**2 or field.surprise**2 < 4.0 * held)
+    elif reference_age > UNTRIED:  # nothing is lost where nothing turns
+        older = older and turned > REST_COUNTS * time
+    swapped = far and older
+    looks = field.looks
+    if swapped:
+        left, left_age = north, reference_age
+        norm_reference = smooth_norm = norm_candidate
+        dip_reference = smooth_dip = dip_candidate
+        reference_age = candidate_age
+        trust, looks, surprise = 1.0, 0.0, 0.0
+        rival = left**2 * odds(left_age, reference_age)
+    else:
+        share = time / mag_time
+        if mag_time >= YOUNG:
+            share = trust * max(time / REFERENCE, share)
+        norm_reference += share * (smooth_norm - norm_reference)
+        dip_reference += share * (smooth_dip - dip_reference)
+        share = min(1.0, motion / SURPRISE_TIME)
+        surprise = field.surprise + share * (north - field.surprise)
+        rival = left_rival
+        if far:
+            rival += surprise**2 * odds(candidate_age, reference_age)
+    field = Field(
+        mag_time,
+        smooth_norm,
+        smooth_dip,
+        norm_reference,
+        dip_reference,
+        reference_age,
+        norm_candidate,
+        dip_candidate,
+        candidate_age,
+        looks + trust * turned,
+        surprise,
+        left,
+        left_age,
+        rival,
+    )
+    return field, trust, swapped
+
+
+def apart(norm: float, dip: float, other_norm: float, other_dip: float) -> float:
+    """The sum of the squares of how far a field is off another, in standard deviations."""
+    return ((norm - other_norm) / (NORM_SPREAD * other_norm)) ** 2 + (
+        (dip - other_dip) / DIP_SPREAD
+    ) ** 2
+
+
+def odds(age: float, other: float) -> float:
+    """How likely a field of one age is the right one rather than another."""
+    return age * age / (age * age + other * other + 1e-12)
+
+
 def hear(
     memory: Floats,
     room: Room,
@@ -705,72 +835,24 @@ def hear(
     dip = fz / norm
     turned = math.sqrt(sums.field_rate_square) / norm * time  # rad, in the sensor frame
     if chosen.mag:
+        other = (norm / field.norm_reference) ** 2 - 1.0 if field.norm_reference > 0.0 else 0.0
         hard_iron = hard_iron_of(
-            memory, sums, turned, learned.trust, room.iron_known, learned.hard_iron
+            memory, sums, turned, learned.trust, other, room.iron_known, learned.hard_iron
         )
-
-    # Trust: the norm and dip of the field are as they were. Ages count time in motion.
-    mag_time = field.time + time
-    first = field.norm_reference == 0.0
-    share = min(1.0, max(1.0 - math.exp(-time / FIELD_SMOOTH), time / mag_time))
-    smooth_norm = field.norm + share * (norm - field.norm)
-    smooth_dip = field.dip + share * (dip - field.dip)
-    norm_reference = smooth_norm if first else field.norm_reference
-    dip_reference = smooth_dip if first else field.dip_reference
-    norm_candidate = smooth_norm if first else field.norm_candidate
-    dip_candidate = smooth_dip if first else field.dip_candidate
-    motion = min(turned, time) + REST_COUNTS * time
-    apart = ((norm - norm_candidate) / (NORM_SPREAD * norm_candidate)) ** 2
-    apart += ((dip - dip_candidate) / DIP_SPREAD) ** 2
-    candidate_age = field.candidate_age
-    if apart > CANDIDATE_SPREAD:
-        norm_candidate, dip_candidate, candidate_age = norm, dip, 0.0
-    candidate_age += motion
-    share = motion / min(candidate_age, OLDEST)
-    norm_candidate += share * (norm - norm_candidate)
-    dip_candidate += share * (dip - dip_candidate)
-    off = ((smooth_norm - norm_reference) / (NORM_SPREAD * norm_reference)) ** 2
-    off += ((smooth_dip - dip_reference) / DIP_SPREAD) ** 2
-    now = ((norm - norm_reference) / (NORM_SPREAD * norm_reference)) ** 2
-    now += ((dip - dip_reference) / DIP_SPREAD) ** 2
-    # A field that has stayed as long as a reference hardly tried is as likely the honest one.
-    age = max(field.reference_age, 1e-3)
-    untried = UNTRIED / age * (1.0 + min(1.0, candidate_age / age))
-    trust, alike = 1.0, 1.0
-    if chosen.weigh:
-        off_now = max(off, SUDDEN * now)
-        trust = 1.0 / (1.0 + min(off_now / (1.0 + untried * untried), LARGEST_DISTURBANCE))
-        alike = 1.0 / (1.0 + off_now)
-    reference_age = min(field.reference_age + motion * alike, OLDEST)  # another's is not its own
     innovation = math.atan2(fy, fx)
-    looks, swaps = field.looks, room.swaps
-    far = off + (field.surprise / SURPRISE_SPREAD) ** 2
-    older = candidate_age >= max(CANDIDATE_AGE, reference_age)
-    if chosen.weigh and far > CANDIDATE_FAR and older:
-        norm_reference = smooth_norm = norm_candidate
-        dip_reference = smooth_dip = dip_candidate
-        reference_age = candidate_age
-        trust = 1.0
+    north = innovation + memory[STATE + 2]
+    heading_variance = COVARIANCE + 2 * DIAGONAL
+    field, trust, swapped = compared(
+        field, norm, dip, north, memory[heading_variance], turned, time, chosen.weigh
+    )
+    swaps = room.swaps
+    if swapped:
         swaps += 1
-        looks = 0.0
-        forget_heading(memory, SWAP_DEVIATION**2 + (innovation + memory[STATE + 2]) ** 2)
-    else:
-        share = trust * max(time / REFERENCE, time / mag_time)
-        if mag_time < YOUNG:
-            share = time / mag_time
-        share = min(1.0, share + time / REFERENCE_DISTURBED)
-        norm_reference += share * (smooth_norm - norm_reference)
-        dip_reference += share * (smooth_dip - dip_reference)
+        forget_heading(memory, SWAP_DEVIATION**2 + north**2)
 
     # Heading. The magnetometer never moves tilt.
-    looks += trust * turned
-    heading_variance = COVARIANCE + 2 * DIAGONAL
-    least = (UNTRIED_HEADING / (1.0 + looks)) ** 2
+    least = (UNTRIED_HEADING / (1.0 + field.looks)) ** 2
     memory[heading_variance] = max(memory[heading_variance], least)
-    surprise = 0.0
-    if swaps == room.swaps:
-        share = min(1.0, motion / SURPRISE_TIME)
-        surprise = field.surprise + share * (innovation + memory[STATE + 2] - field.surprise)
     heading_rate, own = 0.0, 0.0
     if level > LEVEL * norm:
         steep = fz / level
@@ -799,22 +881,9 @@ def hear(
             applied = min(applied, window.tilt_rate)
         if applied < heading_rate:
             own *= (1.0 - math.exp(-time * applied)) / gain
-    field = Field(
-        mag_time,
-        smooth_norm,
-        smooth_dip,
-        norm_reference,
-        dip_reference,
-        reference_age,
-        norm_candidate,
-        dip_candidate,
-        candidate_age,
-        looks,
-        surprise,
-    )
     unit = sums.unit
-    if not UNIT_OFF * unit < norm_reference < unit / UNIT_OFF:  # the first sample was a bad one
-        give_unit(memory, norm_reference / unit)
-        unit = norm_reference
+    if not UNIT_OFF * unit < field.norm_reference < unit / UNIT_OFF:  # the first was a bad one
+        give_unit(memory, field.norm_reference / unit)
+        unit = field.norm_reference
     room = Room(room.elapsed, room.rest_windows, unit, room.iron_known, swaps, field, delays)
     return room, told(learned, delay, hard_iron, trust, heading_rate), own
