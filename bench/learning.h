@@ -1,5 +1,5 @@
-/* The slow room (stateful_ahrs/filters/learning.py) with its default settings. What its names mean,
-   and in which units, stands there. */
+/* The slow room (learning.py and field.py of stateful_ahrs/filters) with its default settings. What
+   its names mean, and in which units, stands there. */
 #include <string.h>
 
 #include "rotor.h"
@@ -29,16 +29,17 @@ static const double SETTLING = 4.0;
 static const double DELAY_BLOCK = 2.0, DELAY_RANGE[2] = {-0.005, 0.030};
 /* The field against a reference, and another that may take its place. */
 static const double FIELD_SMOOTH = 1.5, NORM_SPREAD = 0.025, DIP_SPREAD = 0.05, SUDDEN = 0.25;
-static const double REFERENCE = 40.0, REFERENCE_DISTURBED = 400.0, YOUNG = 20.0;
-static const double LARGEST_DISTURBANCE = 50.0, UNTRIED = 2.0, UNTRIED_HEADING = 6.0 * DEGREE;
+static const double OFF = 10.0, REFERENCE = 40.0, YOUNG = 20.0;
+static const double UNTRIED = 2.0, UNTRIED_HEADING = 6.0 * DEGREE;
 static const double CANDIDATE_SPREAD = 9.0, CANDIDATE_FAR = 16.0, CANDIDATE_AGE = 1.0;
-static const double OLDEST = 40.0, REST_COUNTS = 0.05;
+static const double OLDEST = 40.0, TRIED = 5.0, LOST = 20.0 * DEGREE, AGREES = 4.0;
+static const double REST_COUNTS = 0.05;
 static const double SURPRISE_TIME = 5.0, SURPRISE_SPREAD = 2.0 * DEGREE;
 static const double SWAP_DEVIATION = 5.0 * DEGREE;
 /* Hard iron left over. */
 static const double IRON_AT_START = 0.1, IRON_NOISE = 0.04, IRON_SEEN = 0.05, IRON_RANGE = 10.0;
 static const double UNIT_OFF = 0.5;
-static const double IRON_FORGET = 200.0, IRON_FORGET_DISTURBED = 5.0;
+static const double IRON_FORGET = 200.0, IRON_FORGET_DISTURBED = 10.0;
 
 /* Which states a measurement may correct. */
 static const double FREE[WIDTH] = {1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1};
@@ -63,7 +64,7 @@ typedef struct {
 
 typedef struct {
     double time, norm, dip, norm_reference, dip_reference, reference_age;
-    double norm_candidate, dip_candidate, candidate_age, looks, surprise;
+    double norm_candidate, dip_candidate, candidate_age, looks, surprise, left, left_age, rival;
 } Field;
 
 typedef struct { Vector field, rate; double square, rows, time, moment, weight; } Delay;
@@ -290,10 +291,23 @@ static Vector solve(double (*a)[5])
     return (Vector){(a[0][4] - a[0][2] * z - a[0][3] * w - a[0][1] * y) / a[0][0], y, z};
 }
 
+/* Let the constant of the sphere walk: another field has another norm, but the same iron. */
+static void free_norm(Memory *m, double variance)
+{
+    double part = variance / (1.0 + variance * m->iron[3][3]), shares[4];
+    for (int i = 0; i < 4; i++) shares[i] = part * m->iron[i][3];
+    for (int j = 0; j < 5; j++) {
+        double last = m->iron[3][j];
+        for (int i = 0; i < 4; i++) m->iron[i][j] -= shares[i] * last;
+    }
+}
+
 /* Hard iron from the norm: |m|^2 = 2 m.h + const on a sphere about h. */
-static Vector hard_iron_of(Memory *m, const Sums *s, double turned, double trust, Vector last)
+static Vector hard_iron_of(Memory *m, const Sums *s, double turned, double trust, double other,
+                           Vector last)
 {
     if (!(s->largest < squared(IRON_RANGE))) return last;
+    free_norm(m, squared(squared(other)));
     double weight = smaller(1.0, turned) / (s->heard * squared(2.0 * IRON_NOISE)), solved[4][5];
     double fade = exp(-turned * (trust / IRON_FORGET + (1.0 - trust) / IRON_FORGET_DISTURBED));
     const double rows[4][5] = {
@@ -327,23 +341,17 @@ static void give_unit(Memory *m, double times)
         for (int j = 0; j < 5; j++) m->iron[i][j] *= (i < 3 ? small : 1.0) * column[j];
 }
 
-/* The magnetometer's part: delay, hard iron, trust and heading. Returns what of the heading error
-   the fast path will correct by itself. */
-static double hear(Memory *m, Room *room, Learned *learned, const Sums *sums, const Window *window,
-                   double settling)
+/* How likely a field is the right one, rather than another of that age (s of motion). */
+static double odds(double age, double other)
 {
-    Field *f = &room->field;
-    double time = sums->time;
-    delay_of(&room->delay, sums, learned->trust);
-    double delay = room->delay.moment / room->delay.weight;
-    learned->delay = smaller(larger(delay, DELAY_RANGE[0]), DELAY_RANGE[1]);
-    Vector field = minus(sums->field, times(learned->delay, sums->field_rate));
-    double level = sqrt(field.x * field.x + field.y * field.y) + 1e-30;
-    double norm = sqrt(level * level + field.z * field.z), dip = field.z / norm;
-    double turned = sqrt(sums->field_rate_square) / norm * time; /* rad, in the sensor frame */
-    learned->hard_iron = hard_iron_of(m, sums, turned, learned->trust, learned->hard_iron);
+    return age * age / (age * age + other * other + 1e-12);
+}
 
-    /* Trust: the norm and dip of the field are as they were. Ages count time in motion. */
+/* Compare a window's field with the reference, and with another one that may take its place. Returns
+   how far it can be trusted, and sets `swapped` if another took the place. */
+static double compared(Field *f, double norm, double dip, double north, double held, double turned,
+                       double time, int *swapped)
+{
     f->time += time;
     double share = smaller(1.0, larger(1.0 - exp(-time / FIELD_SMOOTH), time / f->time));
     f->norm += share * (norm - f->norm), f->dip += share * (dip - f->dip);
@@ -363,27 +371,63 @@ static double hear(Memory *m, Room *room, Learned *learned, const Sums *sums, co
     /* A field that has stayed as long as a reference hardly tried is as likely the honest one. */
     double age = larger(f->reference_age, 1e-3);
     double untried = UNTRIED / age * (1.0 + smaller(1.0, f->candidate_age / age));
-    double off_now = larger(off, SUDDEN * now), disturbed = off_now / (1.0 + untried * untried);
-    double trust = 1.0 / (1.0 + smaller(disturbed, LARGEST_DISTURBANCE));
-    f->reference_age = smaller(f->reference_age + motion / (1.0 + off_now), OLDEST);
-    double innovation = atan2(field.y, field.x), surprise = innovation + m->state[2];
-    double far = off + squared(f->surprise / SURPRISE_SPREAD);
-    if (far > CANDIDATE_FAR && f->candidate_age >= larger(CANDIDATE_AGE, f->reference_age)) {
+    double off_now = larger(off, SUDDEN * now), alike = 1.0 / (1.0 + off_now);
+    off_now /= 1.0 + untried * untried;
+    double trust = 1.0 / (1.0 + off_now * (1.0 + off_now / OFF));
+    f->reference_age = smaller(f->reference_age + motion * alike, OLDEST);
+    f->left_age *= exp(-motion * alike / OLDEST);
+    f->rival = squared(f->left) * odds(f->left_age, f->reference_age);
+    int far = off + squared(f->surprise / SURPRISE_SPREAD) > CANDIDATE_FAR;
+    int older = f->candidate_age >= larger(CANDIDATE_AGE, f->reference_age);
+    if (f->looks > TRIED) /* then only if nobody knows better, or it makes no difference */
+        older &= held + f->rival > squared(LOST) || squared(f->surprise) < AGREES * held;
+    else if (f->reference_age > UNTRIED) /* where nothing turns, nothing is lost by waiting */
+        older &= turned > REST_COUNTS * time;
+    *swapped = far && older;
+    if (*swapped) {
+        f->left = north, f->left_age = f->reference_age;
         f->norm_reference = f->norm = f->norm_candidate;
         f->dip_reference = f->dip = f->dip_candidate;
         f->reference_age = f->candidate_age;
         f->looks = f->surprise = 0.0;
         trust = 1.0;
-        room->swaps++;
-        forget_heading(m, squared(SWAP_DEVIATION) + squared(surprise));
+        f->rival = squared(f->left) * odds(f->left_age, f->reference_age);
     } else {
-        share = f->time < YOUNG ? time / f->time : trust * larger(time / REFERENCE, time / f->time);
-        share = smaller(1.0, share + time / REFERENCE_DISTURBED);
+        share = time / f->time;
+        if (f->time >= YOUNG) share = trust * larger(time / REFERENCE, share);
         f->norm_reference += share * (f->norm - f->norm_reference);
         f->dip_reference += share * (f->dip - f->dip_reference);
-        f->surprise += smaller(1.0, motion / SURPRISE_TIME) * (surprise - f->surprise);
+        f->surprise += smaller(1.0, motion / SURPRISE_TIME) * (north - f->surprise);
+        if (far) f->rival += squared(f->surprise) * odds(f->candidate_age, f->reference_age);
     }
+    f->looks += trust * turned;
+    return trust;
+}
 
+/* The magnetometer's part: delay, hard iron, trust and heading. Returns what of the heading error
+   the fast path will correct by itself. */
+static double hear(Memory *m, Room *room, Learned *learned, const Sums *sums, const Window *window,
+                   double settling)
+{
+    Field *f = &room->field;
+    double time = sums->time;
+    delay_of(&room->delay, sums, learned->trust);
+    double delay = room->delay.moment / room->delay.weight;
+    learned->delay = smaller(larger(delay, DELAY_RANGE[0]), DELAY_RANGE[1]);
+    Vector field = minus(sums->field, times(learned->delay, sums->field_rate));
+    double level = sqrt(field.x * field.x + field.y * field.y) + 1e-30;
+    double norm = sqrt(level * level + field.z * field.z), dip = field.z / norm;
+    double turned = sqrt(sums->field_rate_square) / norm * time; /* rad, in the sensor frame */
+    double other = f->norm_reference > 0.0 ? squared(norm / f->norm_reference) - 1.0 : 0.0;
+    learned->hard_iron = hard_iron_of(m, sums, turned, learned->trust, other, learned->hard_iron);
+    double innovation = atan2(field.y, field.x), north = innovation + m->state[2];
+    double *heading = m->covariance[2];
+    int swapped;
+    double trust = compared(f, norm, dip, north, heading[2], turned, time, &swapped);
+    if (swapped) {
+        room->swaps++;
+        forget_heading(m, squared(SWAP_DEVIATION) + squared(north));
+    }
     if (!(UNIT_OFF * room->unit < f->norm_reference
           && f->norm_reference < room->unit / UNIT_OFF)) { /* the first sample was a bad one */
         give_unit(m, f->norm_reference / room->unit);
@@ -391,9 +435,8 @@ static double hear(Memory *m, Room *room, Learned *learned, const Sums *sums, co
     }
 
     /* Heading. The magnetometer never moves tilt. */
-    f->looks += trust * turned;
     learned->trust = trust, learned->heading_rate = 0.0;
-    double *heading = m->covariance[2], least = squared(UNTRIED_HEADING / (1.0 + f->looks));
+    double least = squared(UNTRIED_HEADING / (1.0 + f->looks));
     heading[2] = larger(heading[2], least);
     if (!(level > LEVEL * norm)) return 0.0;
     double steep = field.z / level, toward = heading[2], was = m->state[2];
@@ -468,7 +511,8 @@ static void learn(Memory *m, Room *room, Learned *learned, const Window *window)
                               (z - z0 - own_z + REGAINED * z0) / WINDOW};
     double tilt = 0.5 * (m->covariance[0][0] + m->covariance[1][1] + x * x + y * y);
     double heading = m->covariance[2][2] + z * z;
-    learned->heading_stddev = sqrt(squared(HEADING_SHARE) * heading + squared(HEADING_FLOOR));
+    learned->heading_stddev =
+        sqrt(squared(HEADING_SHARE) * heading + squared(HEADING_FLOOR) + room->field.rival);
     learned->tilt_stddev = sqrt(squared(TILT_SHARE) * tilt + squared(TILT_FLOOR));
     learned->bias = total(learned->bias, (Vector){m->state[3], m->state[7], m->state[11]});
     for (int i = 0; i < 3; i++)

@@ -266,4 +266,5 @@ def test_its_heading_is_found_though_hard_iron_is_stronger_than_the_level_field(
     # From a field and a hard iron fitted to the minute along the gyroscope's path, ±4°.
     assert heading == pytest.approx(62.0, abs=15.0)
     _, stddev = filter_.stddev  # rad
-    assert 2.0 < math.degrees(stddev) < 6.0
+    # Seconds of motion in either field: it may still be the other one.
+    assert 40.0 < math.degrees(stddev) < 130.0

@@ -20,6 +20,7 @@ import math
 from typing import NamedTuple, Protocol
 
 from ..rotor import Rotor, Vector
+from .field import UNSEEN, Field, compared
 from .settings import NOTHING, Known, Settings
 
 WINDOW = 0.5  # s
@@ -66,31 +67,12 @@ TILT_PER_MOTION = 0.01  # share of the variance of horizontal acceleration, in g
 LEVEL = 1e-3  # of the field: a smaller level part has no north
 HEADING_VARIANCE = (12.0 * DEGREE) ** 2  # rad² s
 SETTLING = 4.0  # s in which a start is trusted less
+UNTRIED_HEADING = 6.0 * DEGREE  # before the field has turned in the sensor frame
+SWAP_DEVIATION = 5.0 * DEGREE
 # Delay.
 DELAY_BLOCK = 2.0  # s
 DELAY_RANGE = (-0.005, 0.030)  # s
 DELAY_UNKNOWN = 0.012  # s: rms delay of a magnetometer whose delay is not learned
-# The field: norm and sine of the dip, smoothed, against a reference.
-FIELD_SMOOTH = 1.5  # s
-NORM_SPREAD = 0.025  # of the norm
-DIP_SPREAD = 0.05  # of the sine
-SUDDEN = 0.25  # of the square of a deviation that is not smoothed, and twice as noisy
-OFF = 10.0  # squares of deviations: beyond, trust falls with their square
-REFERENCE = 40.0  # s in which the reference follows an undisturbed field
-YOUNG = 20.0  # s
-# Another field that stays while the sensor turns takes the place of the reference.
-UNTRIED = 2.0  # s of motion in which a reference is hardly binding
-UNTRIED_HEADING = 6.0 * DEGREE  # before the field has turned in the sensor frame
-CANDIDATE_SPREAD = 9.0  # (3 σ)²
-CANDIDATE_FAR = 16.0  # (4 σ)²
-CANDIDATE_AGE = 1.0  # s of motion, at least
-OLDEST = 40.0  # s of motion
-TRIED = 5.0  # rad that a trusted field turned: it is left only where heading is lost
-LOST = 20.0 * DEGREE  # of heading
-REST_COUNTS = 0.05  # of a second in motion
-SURPRISE_TIME = 5.0  # s of motion
-SURPRISE_SPREAD = 2.0 * DEGREE  # of heading, from place to place in a room
-SWAP_DEVIATION = 5.0 * DEGREE
 # Hard iron left over, from the norm while the field turns in the sensor frame.
 IRON_AT_START = 0.1  # of the norm
 IRON_NOISE = 0.04  # of the norm, for each radian of turn
@@ -143,28 +125,6 @@ class Learned(NamedTuple):
     resting: bool = False
 
 
-class Field(NamedTuple):
-    """What is remembered of the magnetometer."""
-
-    time: float = 0.0  # s with a magnetometer
-    norm: float = 0.0  # smoothed
-    dip: float = 0.0  # its sine, smoothed
-    norm_reference: float = 0.0
-    dip_reference: float = 0.0
-    reference_age: float = 0.0  # s of motion in a field like it
-    norm_candidate: float = 0.0
-    dip_candidate: float = 0.0
-    candidate_age: float = 0.0  # s of motion
-    looks: float = 0.0  # rad that the trusted field turned in the sensor frame
-    surprise: float = 0.0  # rad: mean of what it says of heading beyond what was known
-    left: float = 0.0  # rad: what the one that was left said of heading
-    left_age: float = 0.0  # s of motion
-    rival: float = 0.0  # rad²: variance of heading, as another field may be the right one
-
-
-UNSEEN = Field()
-
-
 class Delay(NamedTuple):
     """Sums of a block, and the quotient of all blocks."""
 
@@ -185,7 +145,7 @@ class Room(NamedTuple):
     unit: float = 0.0  # about the norm of the field: that of the first, or of the reference
     iron_known: Vector = (0.0, 0.0, 0.0)  # from which hard iron is sought
     swaps: int = 0  # how often a candidate took the place of the reference
-    field: Field = Field()
+    field: Field = UNSEEN
     delay: Delay = Delay()
 
 
@@ -702,111 +662,6 @@ def solve(memory: Floats) -> Vector:
     x = memory[SOLVED + 4] - memory[SOLVED + 2] * z - memory[SOLVED + 3] * w
     x = (x - memory[SOLVED + 1] * y) / memory[SOLVED]
     return x, y, z
-
-
-def compared(
-    field: Field,
-    norm: float,
-    dip: float,
-    north: float,
-    held: float,
-    turned: float,
-    time: float,
-    weigh: bool,
-) -> tuple[Field, float, bool]:
-    """Compare a window's field with the reference, and with another one that may take its place.
-
-    ``dip`` is a sine, ``north`` (rad) what the field says of heading beyond what is known, and
-    ``held`` (rad²) how sure that is. Also returns how far the field can be trusted, and whether
-    another took the place of the reference. Ages count time in motion.
-    """
-    mag_time = field.time + time
-    first = field.norm_reference == 0.0
-    share = min(1.0, max(1.0 - math.exp(-time / FIELD_SMOOTH), time / mag_time))
-    smooth_norm = field.norm + share * (norm - field.norm)
-    smooth_dip = field.dip + share * (dip - field.dip)
-    norm_reference = smooth_norm if first else field.norm_reference
-    dip_reference = smooth_dip if first else field.dip_reference
-    norm_candidate = smooth_norm if first else field.norm_candidate
-    dip_candidate = smooth_dip if first else field.dip_candidate
-    motion = min(turned, time) + REST_COUNTS * time
-    candidate_age = field.candidate_age
-    if apart(norm, dip, norm_candidate, dip_candidate) > CANDIDATE_SPREAD:
-        norm_candidate, dip_candidate, candidate_age = norm, dip, 0.0
-    candidate_age += motion
-    share = motion / min(candidate_age, OLDEST)
-    norm_candidate += share * (norm - norm_candidate)
-    dip_candidate += share * (dip - dip_candidate)
-    off = apart(smooth_norm, smooth_dip, norm_reference, dip_reference)
-    now = apart(norm, dip, norm_reference, dip_reference)
-    # A field that has stayed as long as a reference hardly tried is as likely the honest one.
-    age = max(field.reference_age, 1e-3)
-    untried = UNTRIED / age * (1.0 + min(1.0, candidate_age / age))
-    trust, alike = 1.0, 1.0
-    if weigh:
-        off_now = max(off, SUDDEN * now)
-        alike = 1.0 / (1.0 + off_now)
-        off_now /= 1.0 + untried * untried
-        trust = 1.0 / (1.0 + off_now * (1.0 + off_now / OFF))
-    reference_age = min(field.reference_age + motion * alike, OLDEST)  # another's is not its own
-    left, left_age = field.left, field.left_age
-    left_age *= math.exp(-motion * alike / OLDEST)
-    left_rival = left**2 * odds(left_age, reference_age)
-    far = weigh and off + (field.surprise / SURPRISE_SPREAD) ** 2 > CANDIDATE_FAR
-    older = candidate_age >= max(CANDIDATE_AGE, reference_age)
-    if field.looks > TRIED:  # then only if nobody knows better, or nothing is at stake
-        older = older and (held + left_rival > LOST**2 or field.surprise**2 < 4.0 * held)
-    elif reference_age > UNTRIED:  # nothing is lost where nothing turns
-        older = older and turned > REST_COUNTS * time
-    swapped = far and older
-    looks = field.looks
-    if swapped:
-        left, left_age = north, reference_age
-        norm_reference = smooth_norm = norm_candidate
-        dip_reference = smooth_dip = dip_candidate
-        reference_age = candidate_age
-        trust, looks, surprise = 1.0, 0.0, 0.0
-        rival = left**2 * odds(left_age, reference_age)
-    else:
-        share = time / mag_time
-        if mag_time >= YOUNG:
-            share = trust * max(time / REFERENCE, share)
-        norm_reference += share * (smooth_norm - norm_reference)
-        dip_reference += share * (smooth_dip - dip_reference)
-        share = min(1.0, motion / SURPRISE_TIME)
-        surprise = field.surprise + share * (north - field.surprise)
-        rival = left_rival
-        if far:
-            rival += surprise**2 * odds(candidate_age, reference_age)
-    field = Field(
-        mag_time,
-        smooth_norm,
-        smooth_dip,
-        norm_reference,
-        dip_reference,
-        reference_age,
-        norm_candidate,
-        dip_candidate,
-        candidate_age,
-        looks + trust * turned,
-        surprise,
-        left,
-        left_age,
-        rival,
-    )
-    return field, trust, swapped
-
-
-def apart(norm: float, dip: float, other_norm: float, other_dip: float) -> float:
-    """The sum of the squares of how far a field is off another, in standard deviations."""
-    return ((norm - other_norm) / (NORM_SPREAD * other_norm)) ** 2 + (
-        (dip - other_dip) / DIP_SPREAD
-    ) ** 2
-
-
-def odds(age: float, other: float) -> float:
-    """How likely a field of one age is the right one rather than another."""
-    return age * age / (age * age + other * other + 1e-12)
 
 
 def hear(
