@@ -120,7 +120,6 @@ class State(NamedTuple):
     predicted: Rotor = IDENTITY  # before the last correction
     pace: Pace = NO_PACE
     learned: Learned = Learned()
-    room: Room = Room()
     past: Past = NO_PAST
     row: float = 0.0  # s since the last row of the log, if this sample is one
     due: bool = False  # the slow room should look back before the next sample
@@ -196,7 +195,7 @@ def guessed(
 
 def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, dt: float) -> State:
     """Take one sample of all sensors, ``dt`` s after the last; 0 starts anew (eq. 16)."""
-    rotor, last, elapsed, _, pace, learned, room, past, _, _, seen, earth = state
+    rotor, last, elapsed, _, pace, learned, past, _, _, seen, earth = state
     (
         sources, alpha, _, _, stateful, normalise, average_start, despike, low_pass, corrects,
         learns, turns, _,
@@ -277,7 +276,7 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
         fresh = sources.use_mag and senses.mag_age == 0.0
         past, row, due = passed(past, fresh, change, elapsed, dt, lost, held_for, begins, starts)
     return State(
-        rotor, senses, elapsed, predicted, pace, learned, room, past, row, due, seen, earth
+        rotor, senses, elapsed, predicted, pace, learned, past, row, due, seen, earth
     )
 
 
@@ -347,9 +346,9 @@ def note(memory: Floats, state: State, accel: Vector, mag: Vector) -> None:
         memory[at + 10] = math.nan
 
 
-def look_back(state: State, memory: Floats, gains: Gains) -> State:
+def look_back(state: State, room: Room, memory: Floats, gains: Gains) -> tuple[State, Room]:
     """The slow room's turn: after a window, a new start, or the first heading."""
-    room, learned = state.room, state.learned
+    learned = state.learned
     _, applied, rows, row_time, mag_row_time, step, doubt, held_for = state.past
     if rows > 0:
         _, _, tilt_rate = paced(gains, step)
@@ -375,14 +374,16 @@ def look_back(state: State, memory: Floats, gains: Gains) -> State:
     else:
         room, learned = start_anew(memory, room, learned)
     past = (0.0, ZERO, 0, row_time, mag_row_time, step, 0.0, held_for)
-    return State(
-        state.rotor, state.senses, state.elapsed, state.predicted, state.pace, learned, room, past,
-        0.0, False, state.seen, state.earth,
+    state = State(
+        state.rotor, state.senses, state.elapsed, state.predicted, state.pace, learned, past, 0.0,
+        False, state.seen, state.earth,
     )  # fmt: skip
+    return state, room
 
 
 def run(
     state: State,
+    room: Room,
     memory: Floats,
     gains: Gains,
     gyro: Array,
@@ -390,13 +391,13 @@ def run(
     mag: Array,
     dts: Array,
     rotors: Array,
-) -> State:
+) -> tuple[State, Room]:
     """Fill ``rotors`` (n, 4) with unit rotors; a step of NaN repeats the last (skipped)."""
     normalised = gains.normalise and gains.stateful
     i = 0
     while i < len(dts):
         if state.due:
-            state = look_back(state, memory, gains)
+            state, room = look_back(state, room, memory, gains)
         while i < len(dts) and not state.due:
             if dts[i] == dts[i]:
                 a = (accel[i, 0], accel[i, 1], accel[i, 2])
@@ -409,7 +410,7 @@ def run(
                 q = unit(q)
             rotors[i, 0], rotors[i, 1], rotors[i, 2], rotors[i, 3] = q
             i += 1
-    return state
+    return state, room
 
 
 @cache
@@ -468,20 +469,21 @@ class StatefulFilter(KernelFilter):
     """
 
     def __init__(self, settings: Settings = DEFAULTS, **fixed: Any) -> None:
-        self._memory = memory()
+        self._memory, self._room = memory(), Room()
         self._was = STATEFUL.gains(settings)
         super().__init__(STATEFUL, settings, **fixed)
 
     def reset(self) -> None:
         """Forget everything but the counts and what the settings know of the sensors."""
         super().reset()
-        room, learned = begin(self._memory, self.settings.known)
-        self._state = self._before = self._state._replace(learned=learned, room=room)
+        self._room, learned = begin(self._memory, self.settings.known)
+        self._state = self._before = self._state._replace(learned=learned)
 
     def _take(self, gyro: Vector, accel: Vector, mag: Vector, dt: float) -> None:
         before = self._before
         if before.due:
-            before = self._before = look_back(before, self._memory, self._gains)
+            before, self._room = look_back(before, self._room, self._memory, self._gains)
+            self._before = before
         state = self._state = step(before, self._gains, gyro, accel, mag, dt)
         if state.row > 0.0:
             note(self._memory, state, accel, mag)
@@ -495,9 +497,9 @@ class StatefulFilter(KernelFilter):
             self._before = self._before._replace(rotor=unit(self._before.rotor))
             self._put(earth=NO_EARTH)
         if gains.learns and not was.learns:  # nobody has watched the attitude: as after a start
-            room, learned = start_anew(self._memory, self._state.room, self._state.learned)
+            self._room, learned = start_anew(self._memory, self._room, self._state.learned)
             senses = self._state.senses._replace(heading_known=False)
-            self._put(room=room, learned=learned, past=NO_PAST, row=0.0, due=False)
+            self._put(learned=learned, past=NO_PAST, row=0.0, due=False)
             self._put(senses=senses, elapsed=0.0)
         self._unit = self._gains.normalise and self._gains.stateful
 
@@ -521,7 +523,9 @@ class StatefulFilter(KernelFilter):
             self._state = run_steps(PLAIN, fused=True)(self._state, self._gains, *sensors, rotors)
             return rotors
         memory: Any = np.array(self._memory)
-        self._state = runner()(self._state, memory, self._gains, *sensors, rotors)
+        self._state, self._room = runner()(
+            self._state, self._room, memory, self._gains, *sensors, rotors
+        )
         self._memory = memory.tolist()
         return rotors
 
@@ -577,7 +581,7 @@ class StatefulFilter(KernelFilter):
             mag_delay_s=known.mag_delay,
             hard_iron=known.hard_iron,
             mag_trust=learned.trust,
-            field_changes=self._state.room.swaps,
+            field_changes=self._room.swaps,
             resting=learned.resting,
             heading_stddev_rad=heading,
             tilt_stddev_rad=tilt,
