@@ -38,7 +38,7 @@ static const double SURPRISE_TIME = 5.0, SURPRISE_SPREAD = 2.0 * DEGREE;
 static const double SWAP_DEVIATION = 5.0 * DEGREE;
 /* Hard iron left over. */
 static const double IRON_AT_START = 0.1, IRON_NOISE = 0.04, IRON_SEEN = 0.05, IRON_RANGE = 10.0;
-static const double UNIT_OFF = 0.5;
+static const double UNIT_OFF = 0.5, ANOTHER = 0.03;
 static const double IRON_FORGET = 200.0, IRON_FORGET_DISTURBED = 10.0;
 
 /* Which states a measurement may correct. */
@@ -307,7 +307,7 @@ static Vector hard_iron_of(Memory *m, const Sums *s, double turned, double trust
                            Vector last)
 {
     if (!(s->largest < squared(IRON_RANGE))) return last;
-    free_norm(m, squared(squared(other)));
+    if (fabs(other) > ANOTHER) free_norm(m, squared(squared(other)));
     double weight = smaller(1.0, turned) / (s->heard * squared(2.0 * IRON_NOISE)), solved[4][5];
     double fade = exp(-turned * (trust / IRON_FORGET + (1.0 - trust) / IRON_FORGET_DISTURBED));
     const double rows[4][5] = {
@@ -375,8 +375,11 @@ static double compared(Field *f, double norm, double dip, double north, double h
     off_now /= 1.0 + untried * untried;
     double trust = 1.0 / (1.0 + off_now * (1.0 + off_now / OFF));
     f->reference_age = smaller(f->reference_age + motion * alike, OLDEST);
-    f->left_age *= exp(-motion * alike / OLDEST);
-    f->rival = squared(f->left) * odds(f->left_age, f->reference_age);
+    f->rival = 0.0;
+    if (f->left_age > 0.0) {
+        f->left_age *= exp(-motion * alike / OLDEST);
+        f->rival = squared(f->left) * odds(f->left_age, f->reference_age);
+    }
     int far = off + squared(f->surprise / SURPRISE_SPREAD) > CANDIDATE_FAR;
     int older = f->candidate_age >= larger(CANDIDATE_AGE, f->reference_age);
     if (f->looks > TRIED) /* then only if nobody knows better, or it makes no difference */

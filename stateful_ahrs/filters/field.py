@@ -100,13 +100,14 @@ def compared(
         off_now /= 1.0 + untried * untried
         trust = 1.0 / (1.0 + off_now * (1.0 + off_now / OFF))
     reference_age = min(field.reference_age + motion * alike, OLDEST)  # another's is not its own
-    left, left_age = field.left, field.left_age
-    left_age *= math.exp(-motion * alike / OLDEST)
-    left_rival = left**2 * odds(left_age, reference_age)
+    left, left_age, rival = field.left, field.left_age, 0.0
+    if left_age > 0.0:
+        left_age *= math.exp(-motion * alike / OLDEST)
+        rival = left**2 * odds(left_age, reference_age)
     far = weigh and off + (field.surprise / SURPRISE_SPREAD) ** 2 > CANDIDATE_FAR
     older = candidate_age >= max(CANDIDATE_AGE, reference_age)
     if field.looks > TRIED:  # then only if nobody knows better, or it makes no difference
-        older = older and (held + left_rival > LOST**2 or field.surprise**2 < AGREES * held)
+        older = older and (held + rival > LOST**2 or field.surprise**2 < AGREES * held)
     elif reference_age > UNTRIED:  # where nothing turns, nothing is lost by waiting
         older = older and turned > REST_COUNTS * time
     swapped = far and older
@@ -126,7 +127,6 @@ def compared(
         dip_reference += share * (smooth_dip - dip_reference)
         share = min(1.0, motion / SURPRISE_TIME)
         surprise = field.surprise + share * (north - field.surprise)
-        rival = left_rival
         if far:
             rival += surprise**2 * odds(candidate_age, reference_age)
     field = Field(

@@ -80,6 +80,7 @@ IRON_FORGET = 200.0  # rad
 IRON_FORGET_DISTURBED = 10.0  # rad: another field tells little of the same iron
 IRON_SEEN = 0.05  # of the norm: less than this the room does to the field as well
 IRON_RANGE = 10.0  # of the norm: a stronger field is another's
+ANOTHER = 0.03  # of the square of the norm: less can be the same field
 UNIT_OFF = 0.5  # how far the unit of the equations may be from the norm of the reference
 
 
@@ -319,15 +320,13 @@ class Sums(NamedTuple):
 
 
 def gather(memory: Floats, rows: int, up: Vector, learned: Learned, room: Room) -> Sums:
-    """Read the log: what the window was like, and into ``EFFECT`` what b and E did."""
+    """Read the log, and use it up: what the window was like, and in ``EFFECT`` what b and E did."""
     bx, by, bz = learned.bias
     rx, ry, rz = learned.row_x, learned.row_y, learned.row_z
     hx, hy, hz = learned.hard_iron
     kx, ky, kz = room.iron_known
     unit = room.unit
     per_unit = 1.0 / unit if unit > 0.0 else 0.0
-    for i in range(3 * LEARNED):
-        memory[EFFECT + i] = 0.0
     time = 0.0
     rate_x = rate_y = rate_z = rate_square = 0.0
     accel_x = accel_y = accel_z = accel_square = motion = 0.0
@@ -343,15 +342,10 @@ def gather(memory: Floats, rows: int, up: Vector, learned: Learned, room: Room) 
         span = memory[at + 13]
         time += span
         ux, uy, uz = gx - bx, gy - by, gz - bz
-        moved_x, moved_y, moved_z = ux * span, uy * span, uz * span
-        for i in range(3):
-            for j in range(3):
-                r = turn[3 * i + j]
-                to = EFFECT + LEARNED * i + PER_AXIS * j
-                memory[to] -= r * span
-                memory[to + 1] += r * moved_x
-                memory[to + 2] += r * moved_y
-                memory[to + 3] += r * moved_z
+        for i in range(3 * 3):  # for `effects`
+            memory[at + i] = turn[i]
+        memory[at + 9] = -span
+        memory[at + 10], memory[at + 11], memory[at + 12] = ux * span, uy * span, uz * span
         rate_x, rate_y, rate_z = rate_x + gx, rate_y + gy, rate_z + gz
         rate_square += gx * gx + gy * gy + gz * gz
         accel_x, accel_y, accel_z = accel_x + ax, accel_y + ay, accel_z + az
@@ -384,6 +378,7 @@ def gather(memory: Floats, rows: int, up: Vector, learned: Learned, room: Room) 
             syy, syz, szz = syy + my * my, syz + my * mz, szz + mz * mz
             sx, sy, sz, qq = sx + mx, sy + my, sz + mz, qq + mm
             qx, qy, qz = qx + mm * mx, qy + mm * my, qz + mm * mz
+    effects(memory, rows)
     each = 1.0 / rows
     rate_x, rate_y, rate_z = rate_x * each, rate_y * each, rate_z * each
     accel_x, accel_y, accel_z = accel_x * each, accel_y * each, accel_z * each
@@ -402,6 +397,21 @@ def gather(memory: Floats, rows: int, up: Vector, learned: Learned, room: Room) 
         largest,
         (sxx, sxy, sxz, syy, syz, szz, sx, sy, sz, qx, qy, qz, qq),
     )
+
+
+def effects(memory: Floats, rows: int) -> None:
+    """Sum what b and E did, from rows that `gather` has made of the log's."""
+    for i in range(3 * 3):
+        b = x = y = z = 0.0
+        for k in range(rows):
+            at = LOG + COLUMNS * k
+            r = memory[at + i]
+            b += r * memory[at + 9]
+            x += r * memory[at + 10]
+            y += r * memory[at + 11]
+            z += r * memory[at + 12]
+        at = EFFECT + PER_AXIS * i
+        memory[at], memory[at + 1], memory[at + 2], memory[at + 3] = b, x, y, z
 
 
 def matrix(
@@ -603,7 +613,8 @@ def hard_iron_of(
     """
     if not sums.largest < IRON_RANGE**2:
         return last
-    free_norm(memory, other**4)
+    if abs(other) > ANOTHER:
+        free_norm(memory, other**4)
     weight = min(1.0, turned) / (sums.heard * (2.0 * IRON_NOISE) ** 2)
     fade = math.exp(-turned * (trust / IRON_FORGET + (1.0 - trust) / IRON_FORGET_DISTURBED))
     sxx, sxy, sxz, syy, syz, szz, sx, sy, sz, qx, qy, qz, qq = sums.sphere

@@ -77,7 +77,9 @@ from .learning import (
     Window,
     begin,
     first_heading,
+    hear,
     learn,
+    measure,
     memory,
     start_anew,
 )
@@ -351,7 +353,10 @@ def look_back(state: State, room: Room, memory: Floats, gains: Gains) -> tuple[S
     learned = state.learned
     _, applied, rows, row_time, mag_row_time, step, doubt, held_for = state.past
     if rows > 0:
-        _, _, tilt_rate = paced(gains, step)
+        pace = state.pace
+        if step != pace[0]:
+            pace = paced(gains, step)
+        _, _, tilt_rate = pace
         heading_rate = -1.0
         if gains.alpha_heading >= 0.0:
             kept = weight_of_gyro(gains.alpha_heading, gains.alpha_rate, step)
@@ -416,8 +421,10 @@ def run(
 @cache
 def runner() -> Callable[..., Any]:
     """`run`, compiled into one function but for the slow room, which is long and seldom called."""
-    window = Window(0, ZERO, ZERO, 0.0, 0.0, False, 0.0)
-    slow = packed(learn, np.zeros(SIZE), Room(), Learned(), window, gains(DEFAULTS).chosen)
+    window, memory = Window(0, ZERO, ZERO, 0.0, 0.0, False, 0.0), np.zeros(SIZE)
+    once = packed(measure, memory, 1.0, 1.0)  # in one place: else the code would fill the cache
+    slow = bind(learn, measure=once, hear=bind(hear, measure=once))
+    slow = packed(slow, memory, Room(), Learned(), window, gains(DEFAULTS).chosen)
     return compiled(bind(run, look_back=bind(look_back, learn=slow)), inline=True, fused=True)
 
 
