@@ -376,7 +376,8 @@ static void look_back(State *s, Memory *m, Gains gains)
     if (past->rows > 0) {
         if (past->step != s->pace.dt) s->pace = paced(gains, past->step);
         int starting = s->elapsed < START_LOW_PASSED;
-        Window window = {past->rows, s->earth.up, past->applied, s->pace.tilt_rate, starting, past->doubt};
+        Window window = {past->rows, s->earth.up, past->applied, s->pace.tilt_rate, starting,
+                         past->doubt};
         learn(m, &s->room, &s->learned, &window);
     } else if (s->elapsed > 0.0) {
         first_heading(m, past->applied);

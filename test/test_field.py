@@ -1,4 +1,4 @@
-"""A magnetic field against a reference: what is held, what takes its place, what is told of both."""
+"""A magnetic field and its reference: what is held, what takes its place, what is told of both."""
 
 from __future__ import annotations
 

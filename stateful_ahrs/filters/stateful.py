@@ -277,9 +277,7 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
     if learns:
         fresh = sources.use_mag and senses.mag_age == 0.0
         past, row, due = passed(past, fresh, change, elapsed, dt, lost, held_for, begins, starts)
-    return State(
-        rotor, senses, elapsed, predicted, pace, learned, past, row, due, seen, earth
-    )
+    return State(rotor, senses, elapsed, predicted, pace, learned, past, row, due, seen, earth)
 
 
 def passed(
