@@ -29,6 +29,7 @@ from stateful_ahrs.filters.samples import Array, Samples
 from stateful_ahrs.filters.settings import DEFAULTS
 from stateful_ahrs.recordings import load
 from stateful_ahrs.recordings.progress import bar
+from stateful_ahrs.rotor import conjugate, product, rotate
 
 from .peers import PEERS, Peer, vqf, vqf_six
 
@@ -104,6 +105,24 @@ def iron(field: Sequence[float], seconds: float = np.inf) -> Worse:
     return with_iron
 
 
+def another_field(turn_deg: float, times: float, begin: float, seconds: float) -> Worse:
+    """A field turned about the vertical and so many times as strong, ``begin`` s into motion."""
+
+    def with_another(trial: Trial) -> Trial:
+        assert trial.truth
+        samples, q = trial.samples, tuple(trial.truth.rotors.T)
+        half = 0.5 * np.radians(turn_deg)
+        turn = product(conjugate(q), product((np.cos(half), 0.0, 0.0, np.sin(half)), q))
+        mag = times * np.stack(rotate(turn, tuple(samples.mag.T)), axis=1)
+        since = (samples.stamps - samples.stamps[np.argmax(trial.truth.counts)]) * 1e-9
+        there = (since >= begin) & (since < begin + seconds) & np.isfinite(mag[:, 0])
+        return replace(
+            trial, samples=replace(samples, mag=np.where(there[:, None], mag, samples.mag))
+        )
+
+    return with_another
+
+
 def in_motion(later: float = 0.0) -> Worse:
     """Begin where the motion does, or some seconds later."""
 
@@ -149,6 +168,8 @@ WORSE: dict[str, Worse] = {
     "(−30, 20, 10) µT for the first 20 s": iron((-30, 20, 10), 20.0),
     "the last but one, starting in motion": both(in_motion(), iron((15, -10, 20), 20.0)),
     "the last, starting in motion": both(in_motion(), iron((-30, 20, 10), 20.0)),
+    "a field 80° off and twice as strong, 60 s long": another_field(80.0, 2.0, 40.0, 60.0),
+    "one 30° off and 1.3 times as strong": another_field(30.0, 1.3, 40.0, 60.0),
     "a start in motion": in_motion(),
     "a start 30 s into the motion": in_motion(30.0),
 }

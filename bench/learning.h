@@ -32,7 +32,7 @@ static const double FIELD_SMOOTH = 1.5, NORM_SPREAD = 0.025, DIP_SPREAD = 0.05, 
 static const double OFF = 10.0, REFERENCE = 40.0, YOUNG = 20.0;
 static const double UNTRIED = 2.0, UNTRIED_HEADING = 6.0 * DEGREE;
 static const double CANDIDATE_SPREAD = 9.0, CANDIDATE_FAR = 16.0, CANDIDATE_AGE = 1.0;
-static const double OLDEST = 40.0, TRIED = 5.0, LOST = 20.0 * DEGREE, AGREES = 4.0;
+static const double OLDEST = 40.0, TRIED = 4.0, LOST = 20.0 * DEGREE, AGREES = 4.0;
 static const double REST_COUNTS = 0.05;
 static const double SURPRISE_TIME = 5.0, SURPRISE_SPREAD = 2.0 * DEGREE;
 static const double SWAP_DEVIATION = 5.0 * DEGREE;
