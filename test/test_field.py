@@ -66,17 +66,17 @@ def test_a_reference_hardly_tried_gives_way_but_where_nothing_turns():
 
 
 def test_the_deviation_holds_both_until_one_has_outlived_the_other():
-    first, _, _ = seen(UNSEEN, 4.0)
-    first, _, swaps = seen(first, 3.0, norm=2.0 * NORM, north=1.4)
+    first, _, _ = seen(UNSEEN, 3.0)
+    first, _, swaps = seen(first, 2.5, norm=2.0 * NORM, north=1.4)
     assert swaps == 0
     before = math.sqrt(first.rival)
     assert 0.3 < before < 1.4
-    field, _, swaps = seen(first, 3.0, norm=2.0 * NORM, north=1.4)
+    field, _, swaps = seen(first, 1.0, norm=2.0 * NORM, north=1.4)
     assert swaps == 1
-    just_after = math.sqrt(seen(first, 2.0, norm=2.0 * NORM, north=1.4)[0].rival)
-    assert just_after > before
+    after = math.sqrt(field.rival)
+    assert before < after < 1.4
     later = [math.sqrt(seen(field, s, norm=2.0 * NORM)[0].rival) for s in (10.0, 40.0, 150.0)]
-    assert just_after > later[0] > later[1] > later[2]
+    assert after > later[0] > later[1] > later[2]
     assert later[2] < math.radians(1.0)
 
 
