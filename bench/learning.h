@@ -32,13 +32,14 @@ static const double FIELD_SMOOTH = 1.5, NORM_SPREAD = 0.025, DIP_SPREAD = 0.05, 
 static const double OFF = 10.0, REFERENCE = 40.0, YOUNG = 20.0;
 static const double UNTRIED = 2.0, UNTRIED_HEADING = 6.0 * DEGREE;
 static const double CANDIDATE_SPREAD = 9.0, CANDIDATE_FAR = 16.0, CANDIDATE_AGE = 1.0;
-static const double OLDEST = 40.0, TRIED = 4.0, LOST = 20.0 * DEGREE, AGREES = 4.0;
-static const double REST_COUNTS = 0.05;
+static const double OLDEST = 40.0, TRIED = 4.0, LOST = 10.0 * DEGREE, AGREES = 16.0;
+static const double REST_COUNTS = 0.05, TURNS = 0.05;
 static const double SURPRISE_TIME = 5.0, SURPRISE_SPREAD = 2.0 * DEGREE;
 static const double SWAP_DEVIATION = 5.0 * DEGREE;
 /* Hard iron left over. */
 static const double IRON_AT_START = 0.1, IRON_NOISE = 0.04, IRON_SEEN = 0.05, IRON_RANGE = 10.0;
-static const double UNIT_OFF = 0.5, ANOTHER = 0.03;
+static const double UNIT_OFF = 0.5, ANOTHER = 0.03, LEAP = 0.05, LEAP_PER_TURN = 0.7;
+static const double FREED = 1e6;
 static const double IRON_FORGET = 200.0, IRON_FORGET_DISTURBED = 10.0;
 
 /* Which states a measurement may correct. */
@@ -63,7 +64,7 @@ typedef struct {
 } Learned;
 
 typedef struct {
-    double time, norm, dip, norm_reference, dip_reference, reference_age;
+    double time, last, norm, dip, norm_reference, dip_reference, reference_age;
     double norm_candidate, dip_candidate, candidate_age, looks, surprise, left, left_age, rival;
 } Field;
 
@@ -110,10 +111,22 @@ static void forget_attitude(Memory *m)
     memset(m->lag, 0, sizeof m->lag);
 }
 
+/* Let the constant of the sphere walk: another field has another norm, but the same iron. */
+static void free_norm(Memory *m, double variance)
+{
+    double part = variance / (1.0 + variance * m->iron[3][3]), shares[4];
+    for (int i = 0; i < 4; i++) shares[i] = part * m->iron[i][3];
+    for (int j = 0; j < 5; j++) {
+        double last = m->iron[3][j];
+        for (int i = 0; i < 4; i++) m->iron[i][j] -= shares[i] * last;
+    }
+}
+
 /* A new start with the same sensor: attitude and field unknown, calibration kept. */
 static void start_anew(Memory *m, Room *room, Learned *learned)
 {
     forget_attitude(m);
+    free_norm(m, FREED);
     Delay delay = {.moment = room->delay.moment, .weight = room->delay.weight};
     *room = (Room){.unit = room->unit, .swaps = room->swaps, .delay = delay};
     learned->trust = 1.0, learned->heading_rate = 0.0, learned->drift = ZERO;
@@ -291,23 +304,16 @@ static Vector solve(double (*a)[5])
     return (Vector){(a[0][4] - a[0][2] * z - a[0][3] * w - a[0][1] * y) / a[0][0], y, z};
 }
 
-/* Let the constant of the sphere walk: another field has another norm, but the same iron. */
-static void free_norm(Memory *m, double variance)
-{
-    double part = variance / (1.0 + variance * m->iron[3][3]), shares[4];
-    for (int i = 0; i < 4; i++) shares[i] = part * m->iron[i][3];
-    for (int j = 0; j < 5; j++) {
-        double last = m->iron[3][j];
-        for (int i = 0; i < 4; i++) m->iron[i][j] -= shares[i] * last;
-    }
-}
-
 /* Hard iron from the norm: |m|^2 = 2 m.h + const on a sphere about h. */
 static Vector hard_iron_of(Memory *m, const Sums *s, double turned, double trust, double other,
-                           Vector last)
+                           double leap, Vector last)
 {
     if (!(s->largest < squared(IRON_RANGE))) return last;
-    if (fabs(other) > ANOTHER) free_norm(m, squared(squared(other)));
+    if (fabs(leap) > LEAP + LEAP_PER_TURN * turned) {
+        free_norm(m, FREED);
+        return last;
+    }
+    if (fabs(other) > ANOTHER) free_norm(m, squared(squared(other)) * s->time / WINDOW);
     double weight = smaller(1.0, turned) / (s->heard * squared(2.0 * IRON_NOISE)), solved[4][5];
     double fade = exp(-turned * (trust / IRON_FORGET + (1.0 - trust) / IRON_FORGET_DISTURBED));
     const double rows[4][5] = {
@@ -325,7 +331,7 @@ static Vector hard_iron_of(Memory *m, const Sums *s, double turned, double trust
     return times(s->unit * larger(0.0, 1.0 - squared(IRON_SEEN) / (square(iron) + 1e-12)), iron);
 }
 
-/* The square of how far a field is from another, in standard deviations. */
+/* The sum of the squares of how far a field is off another, in standard deviations. */
 static double apart(double norm, double dip, double other_norm, double other_dip)
 {
     return squared((norm - other_norm) / (NORM_SPREAD * other_norm))
@@ -339,6 +345,12 @@ static void give_unit(Memory *m, double times)
     const double column[5] = {small, small, small, 1.0, squared(small)};
     for (int i = 0; i < 4; i++)
         for (int j = 0; j < 5; j++) m->iron[i][j] *= (i < 3 ? small : 1.0) * column[j];
+}
+
+/* The same angle (rad) from -pi to pi. */
+static double around(double angle)
+{
+    return angle - 360.0 * DEGREE * floor(angle / (360.0 * DEGREE) + 0.5);
 }
 
 /* How likely a field is the right one, rather than another of that age (s of motion). */
@@ -385,13 +397,13 @@ static double compared(Field *f, double norm, double dip, double north, double h
     if (f->looks > TRIED) /* then only if nobody knows better, or it makes no difference */
         older &= held + f->rival > squared(LOST) || squared(f->surprise) < AGREES * held;
     else if (f->reference_age > UNTRIED) /* where nothing turns, nothing is lost by waiting */
-        older &= turned > REST_COUNTS * time;
+        older &= turned > TURNS * time;
     *swapped = far && older;
     if (*swapped) {
         f->left = north, f->left_age = f->reference_age;
         f->norm_reference = f->norm = f->norm_candidate;
         f->dip_reference = f->dip = f->dip_candidate;
-        f->reference_age = f->candidate_age;
+        f->reference_age = smaller(f->candidate_age, OLDEST);
         f->looks = f->surprise = 0.0;
         trust = 1.0;
         f->rival = squared(f->left) * odds(f->left_age, f->reference_age);
@@ -400,9 +412,11 @@ static double compared(Field *f, double norm, double dip, double north, double h
         if (f->time >= YOUNG) share = trust * larger(time / REFERENCE, share);
         f->norm_reference += share * (f->norm - f->norm_reference);
         f->dip_reference += share * (f->dip - f->dip_reference);
-        f->surprise += smaller(1.0, motion / SURPRISE_TIME) * (north - f->surprise);
+        share = smaller(1.0, motion / SURPRISE_TIME);
+        f->surprise = around(f->surprise + share * around(north - f->surprise));
         if (far) f->rival += squared(f->surprise) * odds(f->candidate_age, f->reference_age);
     }
+    f->last = norm;
     f->looks += trust * turned;
     return trust;
 }
@@ -421,12 +435,17 @@ static double hear(Memory *m, Room *room, Learned *learned, const Sums *sums, co
     double level = sqrt(field.x * field.x + field.y * field.y) + 1e-30;
     double norm = sqrt(level * level + field.z * field.z), dip = field.z / norm;
     double turned = sqrt(sums->field_rate_square) / norm * time; /* rad, in the sensor frame */
-    double other = f->norm_reference > 0.0 ? squared(norm / f->norm_reference) - 1.0 : 0.0;
-    learned->hard_iron = hard_iron_of(m, sums, turned, learned->trust, other, learned->hard_iron);
+    double other = 0.0, leap = 0.0;
+    if (f->norm_reference > 0.0) {
+        other = squared(norm / f->norm_reference) - 1.0;
+        leap = other + 1.0 - squared(f->last / f->norm_reference);
+    }
+    learned->hard_iron =
+        hard_iron_of(m, sums, turned, learned->trust, other, leap, learned->hard_iron);
     double innovation = atan2(field.y, field.x), north = innovation + m->state[2];
-    double *heading = m->covariance[2];
+    double *heading = m->covariance[2], held = squared(HEADING_SHARE) * heading[2];
     int swapped;
-    double trust = compared(f, norm, dip, north, heading[2], turned, time, &swapped);
+    double trust = compared(f, norm, dip, north, held, turned, time, &swapped);
     if (swapped) {
         room->swaps++;
         forget_heading(m, squared(SWAP_DEVIATION) + squared(north));

@@ -38,7 +38,7 @@ def test_what_is_off_by_more_is_trusted_less_and_soon_hardly():
     assert trusts[-1] < 1e-5
 
 
-def test_a_reference_that_was_tried_is_held_for_ten_minutes():
+def test_a_reference_that_was_tried_is_held_for_ten_minutes_where_heading_is_known():
     field, _, _ = seen(UNSEEN, 60.0)
     assert field.looks > TRIED
     other, trust, swaps = seen(field, 600.0, norm=2.0 * NORM, north=1.4)
@@ -80,6 +80,17 @@ def test_the_deviation_holds_both_until_one_has_outlived_the_other():
     assert later[2] < math.radians(1.0)
 
 
+def test_a_field_adopted_late_is_no_surer_of_itself_at_first():
+    field, _, _ = seen(UNSEEN, 60.0)
+    field, _, swaps = seen(field, 600.0, norm=2.0 * NORM, north=1.4)
+    assert swaps == 0
+    at_once, _, swaps = seen(field, WINDOW, norm=2.0 * NORM, north=1.4, held=(1.1 * LOST) ** 2)
+    assert swaps == 1
+    after, _, _ = seen(at_once, WINDOW, norm=2.0 * NORM)
+    assert after.rival == pytest.approx(at_once.rival, rel=0.1)
+    assert math.sqrt(after.rival) > 0.9
+
+
 def otherwise(samples, truth, after, turn_deg, times):
     """The same, its field turned about the vertical and so many times as strong ``after`` s."""
     turn = from_axis_angle((0.0, 0.0, 1.0), math.radians(turn_deg))
@@ -91,7 +102,9 @@ def otherwise(samples, truth, after, turn_deg, times):
 
 
 @pytest.mark.parametrize("turning", [True, False], ids=["in motion", "at rest"])
-@pytest.mark.parametrize(("turn_deg", "times"), [(80.0, 2.0), (30.0, 1.3), (-120.0, 0.7)])
+@pytest.mark.parametrize(
+    ("turn_deg", "times"), [(80.0, 2.0), (30.0, 1.3), (-120.0, 0.7), (180.0, 2.0)]
+)
 def test_a_field_rejected_for_two_minutes_moves_no_heading_and_is_told(turning, turn_deg, times):
     samples, truth = recording(180.0, motion=WILD if turning else MOTIONS["rest"])
     otherwise(samples, truth, 60.0, turn_deg, times)
@@ -110,12 +123,18 @@ def test_a_field_rejected_for_two_minutes_moves_no_heading_and_is_told(turning, 
     assert tilt[6000:].max() < 1.1 * tilt[5999] + 0.1
 
 
-def test_after_it_north_is_found_again_at_once():
+@pytest.mark.parametrize("times", [0.7, 1.3, 2.0, 4.0])
+def test_after_it_north_is_found_again_at_once_and_iron_within_seconds(times):
     samples, truth = recording(140.0)
     clean = samples.mag.copy()
-    otherwise(samples, truth, 60.0, 80.0, 2.0)
-    samples.mag[12000:] = clean[12000:]
+    otherwise(samples, truth, 60.03, 80.0, times)
+    samples.mag[9011:] = clean[9011:]
     f = filters.make("stateful")
-    assert errors_deg(f.run(samples), truth)[6000:].max() < 3.0
+    iron = []
+    errors = errors_deg(live(samples, f, lambda: iron.append(f.known.hard_iron)), truth)
+    assert errors[6000:].max() < 3.0
+    wrong = np.linalg.norm(iron, axis=1) / MICRO
+    assert wrong.max() < 10.0  # of 45 µT: the window of the change has both fields in it
+    assert wrong[12000:].max() < 0.5
     assert f.report.mag_trust > 0.9
     assert math.degrees(f.stddev[1]) < 4.0

@@ -16,9 +16,9 @@ FIELD_SMOOTH = 1.5  # s
 NORM_SPREAD = 0.025  # of the norm
 DIP_SPREAD = 0.05  # of the sine
 SUDDEN = 0.25  # of the square of a deviation that is not smoothed, and twice as noisy
-OFF = 10.0  # squares of deviations: beyond, trust falls with their square
+OFF = 10.0  # (standard deviations)²: a field further off is trusted less by the square of it
 REFERENCE = 40.0  # s in which the reference follows an undisturbed field
-YOUNG = 20.0  # s
+YOUNG = 20.0  # s in which the reference is the mean of all
 # Another field that stays while the sensor turns takes the place of the reference.
 UNTRIED = 2.0  # s of motion in which a reference is hardly binding
 CANDIDATE_SPREAD = 9.0  # (3 σ)²
@@ -26,9 +26,10 @@ CANDIDATE_FAR = 16.0  # (4 σ)²
 CANDIDATE_AGE = 1.0  # s of motion, at least
 OLDEST = 40.0  # s of motion
 TRIED = 4.0  # rad that the reference turned in the sensor frame: from then on it is held
-LOST = math.radians(20.0)  # deviation of a heading that is not worth holding
-AGREES = 4.0  # (2 σ)²
+LOST = math.radians(10.0)  # deviation, as it is told, of a heading not worth holding
+AGREES = 16.0  # (4 σ)²
 REST_COUNTS = 0.05  # of a second in motion
+TURNS = 0.05  # rad/s
 SURPRISE_TIME = 5.0  # s of motion
 SURPRISE_SPREAD = math.radians(2.0)  # of heading, from place to place in a room
 
@@ -37,6 +38,7 @@ class Field(NamedTuple):
     """What is remembered of the magnetometer."""
 
     time: float = 0.0  # s with a magnetometer
+    last: float = 0.0  # norm of the last window
     norm: float = 0.0  # smoothed
     dip: float = 0.0  # its sine, smoothed
     norm_reference: float = 0.0
@@ -65,11 +67,14 @@ def compared(
     time: float,
     weigh: bool,
 ) -> tuple[Field, float, bool]:
-    """Compare a window's field with the reference, and with another one that may take its place.
+    """Compare the field of a window of ``time`` s with the reference, and with another field.
 
-    ``dip`` is a sine, ``north`` (rad) what the field says of heading beyond what is known, and
-    ``held`` (rad²) how sure that is. Also returns how far the field can be trusted, and whether
-    another took the place of the reference. Ages count time in motion.
+    ``norm`` is in the magnetometer's unit, ``dip`` a sine, ``north`` (rad) what the field says of
+    heading beyond what is known, ``held`` (rad²) the variance told of that, and ``turned`` (rad)
+    how far the field turned in the sensor frame. With ``weigh`` off every field is trusted.
+
+    Also returns how far the field can be trusted (0 to 1), and whether another has just taken the
+    place of the reference. Ages count time in motion.
     """
     mag_time = field.time + time
     first = field.norm_reference == 0.0
@@ -109,14 +114,14 @@ def compared(
     if field.looks > TRIED:  # then only if nobody knows better, or it makes no difference
         older = older and (held + rival > LOST**2 or field.surprise**2 < AGREES * held)
     elif reference_age > UNTRIED:  # where nothing turns, nothing is lost by waiting
-        older = older and turned > REST_COUNTS * time
+        older = older and turned > TURNS * time
     swapped = far and older
     looks = field.looks
     if swapped:
         left, left_age = north, reference_age
         norm_reference = smooth_norm = norm_candidate
         dip_reference = smooth_dip = dip_candidate
-        reference_age = candidate_age
+        reference_age = min(candidate_age, OLDEST)
         trust, looks, surprise = 1.0, 0.0, 0.0
         rival = left**2 * odds(left_age, reference_age)
     else:
@@ -126,11 +131,12 @@ def compared(
         norm_reference += share * (smooth_norm - norm_reference)
         dip_reference += share * (smooth_dip - dip_reference)
         share = min(1.0, motion / SURPRISE_TIME)
-        surprise = field.surprise + share * (north - field.surprise)
+        surprise = around(field.surprise + share * around(north - field.surprise))
         if far:
             rival += surprise**2 * odds(candidate_age, reference_age)
     field = Field(
         mag_time,
+        norm,
         smooth_norm,
         smooth_dip,
         norm_reference,
@@ -153,6 +159,11 @@ def apart(norm: float, dip: float, other_norm: float, other_dip: float) -> float
     of_norm = (norm - other_norm) / (NORM_SPREAD * other_norm)
     of_dip = (dip - other_dip) / DIP_SPREAD
     return of_norm * of_norm + of_dip * of_dip
+
+
+def around(angle: float) -> float:
+    """The same angle (rad) from −π to π."""
+    return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
 
 
 def odds(age: float, other: float) -> float:

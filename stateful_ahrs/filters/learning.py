@@ -80,7 +80,10 @@ IRON_FORGET = 200.0  # rad
 IRON_FORGET_DISTURBED = 10.0  # rad: another field tells little of the same iron
 IRON_SEEN = 0.05  # of the norm: less than this the room does to the field as well
 IRON_RANGE = 10.0  # of the norm: a stronger field is another's
-ANOTHER = 0.03  # of the square of the norm: less can be the same field
+# Another field has another norm: how far its square is off, in that of the reference.
+ANOTHER = 0.03  # less can be the same field
+FREED = 1e6  # variance of a constant of which nothing is known
+LEAP, LEAP_PER_TURN = 0.05, 0.7  # between windows, and for each rad: no hard iron does that
 UNIT_OFF = 0.5  # how far the unit of the equations may be from the norm of the reference
 
 
@@ -220,6 +223,7 @@ def forget_attitude(memory: Floats) -> None:
 def start_anew(memory: Floats, room: Room, learned: Learned) -> tuple[Room, Learned]:
     """A new start with the same sensor: attitude and field unknown, calibration kept."""
     forget_attitude(memory)
+    free_norm(memory, FREED)
     _, _, unit, iron_known, swaps, _, delay = room
     zero = (0.0, 0.0, 0.0)
     delay = Delay(zero, zero, 0.0, 0.0, 0.0, delay.moment, delay.weight)
@@ -400,7 +404,9 @@ def gather(memory: Floats, rows: int, up: Vector, learned: Learned, room: Room) 
 
 
 def effects(memory: Floats, rows: int) -> None:
-    """Sum what b and E did, from rows that `gather` has made of the log's."""
+    """Sum what b and E did, from the rows that `gather` leaves in the log: the matrix sensor →
+    earth (9), less the time (s), and the turn (3, rad, less bias).
+    """
     for i in range(3 * 3):
         b = x = y = z = 0.0
         for k in range(rows):
@@ -604,17 +610,24 @@ def hard_iron_of(
     turned: float,
     trust: float,
     other: float,
+    leap: float,
     known: Vector,
     last: Vector,
 ) -> Vector:
     """Hard iron from the norm: |m|² = 2 m·h + const on a sphere about h.
 
-    ``other`` is how far the square of the norm is off that of the reference, in such squares.
+    ``other`` is how far the square of the norm is off that of the reference, in such squares, and
+    ``leap`` how far it is off that of the last window. The constant is free to walk where it is
+    another field's; by the fourth power, because a hard iron that is new is off by less, and is
+    to be learned. A window in which the field changes is on no sphere.
     """
     if not sums.largest < IRON_RANGE**2:
         return last
+    if abs(leap) > LEAP + LEAP_PER_TURN * turned:
+        free_norm(memory, FREED)
+        return last
     if abs(other) > ANOTHER:
-        free_norm(memory, other**4)
+        free_norm(memory, other**4 * sums.time / WINDOW)
     weight = min(1.0, turned) / (sums.heard * (2.0 * IRON_NOISE) ** 2)
     fade = math.exp(-turned * (trust / IRON_FORGET + (1.0 - trust) / IRON_FORGET_DISTURBED))
     sxx, sxy, sxz, syy, syz, szz, sx, sy, sz, qx, qy, qz, qq = sums.sphere
@@ -701,16 +714,18 @@ def hear(
     dip = fz / norm
     turned = math.sqrt(sums.field_rate_square) / norm * time  # rad, in the sensor frame
     if chosen.mag:
-        other = (norm / field.norm_reference) ** 2 - 1.0 if field.norm_reference > 0.0 else 0.0
+        other = leap = 0.0
+        if field.norm_reference > 0.0:
+            other = (norm / field.norm_reference) ** 2 - 1.0
+            leap = other + 1.0 - (field.last / field.norm_reference) ** 2
         hard_iron = hard_iron_of(
-            memory, sums, turned, learned.trust, other, room.iron_known, learned.hard_iron
+            memory, sums, turned, learned.trust, other, leap, room.iron_known, learned.hard_iron
         )
     innovation = math.atan2(fy, fx)
     north = innovation + memory[STATE + 2]
     heading_variance = COVARIANCE + 2 * DIAGONAL
-    field, trust, swapped = compared(
-        field, norm, dip, north, memory[heading_variance], turned, time, chosen.weigh
-    )
+    held = HEADING_SHARE**2 * memory[heading_variance]
+    field, trust, swapped = compared(field, norm, dip, north, held, turned, time, chosen.weigh)
     swaps = room.swaps
     if swapped:
         swaps += 1

@@ -44,7 +44,7 @@ class RestWindow:
     def _last(self) -> Array:
         """Of the rows those of the last `WINDOW`, all good."""
         rows = np.frombuffer(bytes(self._rows)).reshape(-1, 4)
-        good = (rows[:, 0] > 0.0) & np.isfinite(rows.sum(axis=1))
+        good = (rows[:, 0] > 0.0) & np.isfinite(rows).all(axis=1)
         age = np.cumsum(rows[::-1, 0])[::-1] - rows[:, 0]  # s before the last
         taken = good & (age <= WINDOW)
         return rows[len(rows) - int(np.argmin(np.append(taken[::-1], False))) :]

@@ -102,7 +102,7 @@ from .spikes import (
 from .stamps import steps
 
 NEAR_UNIT = 1e-6  # of the square of a length: one step of Newton is then as good as the root
-DISTURBED = 0.1  # trust of a field three standard deviations off
+DISTURBED = 0.05  # trust of a field three standard deviations off
 
 
 # What happened since the slow room last looked back: the time (s), the corrections (rad, earth
