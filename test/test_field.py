@@ -138,3 +138,13 @@ def test_after_it_north_is_found_again_at_once_and_iron_within_seconds(times):
     assert wrong[12000:].max() < 0.5
     assert f.report.mag_trust > 0.9
     assert math.degrees(f.stddev[1]) < 4.0
+
+
+def test_a_new_start_in_another_field_teaches_no_iron():
+    samples, _ = recording(90.0)
+    samples.stamps[6000:] += 2_000_000_000
+    samples.mag[6000:] *= 2.0
+    f = filters.make("stateful")
+    iron = []
+    live(samples, f, lambda: iron.append(f.known.hard_iron))
+    assert np.linalg.norm(iron, axis=1).max() < 1.0 * MICRO
