@@ -33,7 +33,7 @@ static const double OFF = 10.0, REFERENCE = 40.0, YOUNG = 20.0;
 static const double UNTRIED = 2.0, UNTRIED_HEADING = 6.0 * DEGREE;
 static const double CANDIDATE_SPREAD = 9.0, CANDIDATE_FAR = 16.0, CANDIDATE_AGE = 1.0;
 static const double OLDEST = 40.0, TRIED = 4.0, LOST = 10.0 * DEGREE, AGREES = 16.0;
-static const double REST_COUNTS = 0.05, TURNS = 0.05;
+static const double REST_COUNTS = 0.05, TURNS = 0.05, REPEATS = 4.0;
 static const double SURPRISE_TIME = 5.0, SURPRISE_SPREAD = 2.0 * DEGREE;
 static const double SWAP_DEVIATION = 5.0 * DEGREE;
 /* Hard iron left over. */
@@ -414,7 +414,10 @@ static double compared(Field *f, double norm, double dip, double north, double h
         f->dip_reference += share * (f->dip - f->dip_reference);
         share = smaller(1.0, motion / SURPRISE_TIME);
         f->surprise = around(f->surprise + share * around(north - f->surprise));
-        if (far) f->rival += squared(f->surprise) * odds(f->candidate_age, f->reference_age);
+        if (far) { /* what it says it says as a whole, and not anew in each window */
+            trust /= squared(1.0 + f->candidate_age / REPEATS);
+            f->rival += squared(f->surprise) * odds(f->candidate_age, f->reference_age);
+        }
     }
     f->last = norm;
     f->looks += trust * turned;

@@ -38,6 +38,13 @@ def test_what_is_off_by_more_is_trusted_less_and_soon_hardly():
     assert trusts[-1] < 1e-5
 
 
+def test_what_a_field_that_is_off_says_again_and_again_counts_once():
+    field, _, _ = seen(UNSEEN, 60.0)
+    at_first = seen(field, 4.0, norm=1.1 * NORM, north=0.8)[1]
+    later = seen(field, 60.0, norm=1.1 * NORM, north=0.8)[1]
+    assert later < 0.02 * at_first
+
+
 def test_a_reference_that_was_tried_is_held_for_ten_minutes_where_heading_is_known():
     field, _, _ = seen(UNSEEN, 60.0)
     assert field.looks > TRIED
@@ -121,6 +128,16 @@ def test_a_field_rejected_for_two_minutes_moves_no_heading_and_is_told(turning, 
     assert (errors[6000:] < 3.0 * heading[6000:]).all()
     assert heading[-1] > 2.0 * heading[5999]
     assert tilt[6000:].max() < 1.1 * tilt[5999] + 0.1
+
+
+def test_a_field_off_by_little_drags_little_and_is_told():
+    samples, truth = recording(180.0)
+    otherwise(samples, truth, 60.0, 45.0, 1.1)
+    f = filters.make("stateful")
+    told = []
+    errors = errors_deg(live(samples, f, lambda: told.append(f.stddev[1])), truth)
+    assert errors[6000:].max() < 4.0
+    assert (errors[6000:] < 3.0 * np.degrees(told[6000:])).all()
 
 
 @pytest.mark.parametrize("times", [0.7, 1.3, 2.0, 4.0])

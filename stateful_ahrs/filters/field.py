@@ -26,6 +26,7 @@ CANDIDATE_FAR = 16.0  # (4 σ)²
 CANDIDATE_AGE = 1.0  # s of motion, at least
 OLDEST = 40.0  # s of motion
 TRIED = 4.0  # rad that the reference turned in the sensor frame: from then on it is held
+REPEATS = 4.0  # s of motion, after which a field that is off says nothing new
 LOST = math.radians(10.0)  # deviation, as it is told, of a heading not worth holding
 AGREES = 16.0  # (4 σ)²
 REST_COUNTS = 0.05  # of a second in motion
@@ -132,7 +133,8 @@ def compared(
         dip_reference += share * (smooth_dip - dip_reference)
         share = min(1.0, motion / SURPRISE_TIME)
         surprise = around(field.surprise + share * around(north - field.surprise))
-        if far:
+        if far:  # what it says it says as a whole, and not anew in each window
+            trust /= (1.0 + candidate_age / REPEATS) ** 2
             rival += surprise**2 * odds(candidate_age, reference_age)
     field = Field(
         mag_time,
