@@ -399,12 +399,13 @@ static double compared(Field *f, double norm, double dip, double north, double h
     else if (f->reference_age > UNTRIED) /* where nothing turns, nothing is lost by waiting */
         older &= turned > TURNS * time;
     *swapped = far && older;
+    f->looks += trust * turned;
     if (*swapped) {
         f->left = north, f->left_age = f->reference_age;
         f->norm_reference = f->norm = f->norm_candidate;
         f->dip_reference = f->dip = f->dip_candidate;
         f->reference_age = smaller(f->candidate_age, OLDEST);
-        f->looks = f->surprise = 0.0;
+        f->looks = turned, f->surprise = 0.0;
         trust = 1.0;
         f->rival = squared(f->left) * odds(f->left_age, f->reference_age);
     } else {
@@ -414,13 +415,11 @@ static double compared(Field *f, double norm, double dip, double north, double h
         f->dip_reference += share * (f->dip - f->dip_reference);
         share = smaller(1.0, motion / SURPRISE_TIME);
         f->surprise = around(f->surprise + share * around(north - f->surprise));
-        if (far) { /* what it says it says as a whole, and not anew in each window */
+        if (off > CANDIDATE_FAR) /* what it says it says as a whole, and not anew in each window */
             trust /= squared(1.0 + f->candidate_age / REPEATS);
-            f->rival += squared(f->surprise) * odds(f->candidate_age, f->reference_age);
-        }
+        if (far) f->rival += squared(f->surprise) * odds(f->candidate_age, f->reference_age);
     }
     f->last = norm;
-    f->looks += trust * turned;
     return trust;
 }
 

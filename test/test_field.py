@@ -40,8 +40,8 @@ def test_what_is_off_by_more_is_trusted_less_and_soon_hardly():
 
 def test_what_a_field_that_is_off_says_again_and_again_counts_once():
     field, _, _ = seen(UNSEEN, 60.0)
-    at_first = seen(field, 4.0, norm=1.1 * NORM, north=0.8)[1]
-    later = seen(field, 60.0, norm=1.1 * NORM, north=0.8)[1]
+    at_first = seen(field, 4.0, norm=1.2 * NORM, north=0.8)[1]
+    later = seen(field, 60.0, norm=1.2 * NORM, north=0.8)[1]
     assert later < 0.02 * at_first
 
 
@@ -132,7 +132,7 @@ def test_a_field_rejected_for_two_minutes_moves_no_heading_and_is_told(turning, 
 
 def test_a_field_off_by_little_drags_little_and_is_told():
     samples, truth = recording(180.0)
-    otherwise(samples, truth, 60.0, 45.0, 1.1)
+    otherwise(samples, truth, 60.0, 45.0, 1.15)
     f = filters.make("stateful")
     told = []
     errors = errors_deg(live(samples, f, lambda: told.append(f.stddev[1])), truth)

@@ -117,13 +117,13 @@ def compared(
     elif reference_age > UNTRIED:  # where nothing turns, nothing is lost by waiting
         older = older and turned > TURNS * time
     swapped = far and older
-    looks = field.looks
+    looks = field.looks + trust * turned
     if swapped:
         left, left_age = north, reference_age
         norm_reference = smooth_norm = norm_candidate
         dip_reference = smooth_dip = dip_candidate
         reference_age = min(candidate_age, OLDEST)
-        trust, looks, surprise = 1.0, 0.0, 0.0
+        trust, looks, surprise = 1.0, turned, 0.0
         rival = left**2 * odds(left_age, reference_age)
     else:
         share = time / mag_time
@@ -133,8 +133,10 @@ def compared(
         dip_reference += share * (smooth_dip - dip_reference)
         share = min(1.0, motion / SURPRISE_TIME)
         surprise = around(field.surprise + share * around(north - field.surprise))
-        if far:  # what it says it says as a whole, and not anew in each window
+        # What a field that is off says it says as a whole, and not anew in each window.
+        if weigh and off > CANDIDATE_FAR:
             trust /= (1.0 + candidate_age / REPEATS) ** 2
+        if far:
             rival += surprise**2 * odds(candidate_age, reference_age)
     field = Field(
         mag_time,
@@ -147,7 +149,7 @@ def compared(
         norm_candidate,
         dip_candidate,
         candidate_age,
-        looks + trust * turned,
+        looks,
         surprise,
         left,
         left_age,
