@@ -392,11 +392,12 @@ static double compared(Field *f, double norm, double dip, double north, double h
         f->left_age *= exp(-motion * alike / OLDEST);
         f->rival = squared(f->left) * odds(f->left_age, f->reference_age);
     }
+    int another = off > CANDIDATE_SPREAD;
     int far = off + squared(f->surprise / SURPRISE_SPREAD) > CANDIDATE_FAR;
     int older = f->candidate_age >= larger(CANDIDATE_AGE, f->reference_age);
-    if (f->looks > TRIED) /* then only if nobody knows better, or it makes no difference */
+    if (another && f->looks > TRIED) /* then only if nobody knows better, or it makes no difference */
         older &= held + f->rival > squared(LOST) || squared(f->surprise) < AGREES * held;
-    else if (f->reference_age > UNTRIED) /* where nothing turns, nothing is lost by waiting */
+    else if (another && f->reference_age > UNTRIED) /* where nothing turns, nothing is lost by waiting */
         older &= turned > TURNS * time;
     *swapped = far && older;
     f->looks += trust * turned;
@@ -417,7 +418,7 @@ static double compared(Field *f, double norm, double dip, double north, double h
         f->surprise = around(f->surprise + share * around(north - f->surprise));
         if (off > CANDIDATE_FAR) /* what it says it says as a whole, and not anew in each window */
             trust /= squared(1.0 + f->candidate_age / REPEATS);
-        if (far) f->rival += squared(f->surprise) * odds(f->candidate_age, f->reference_age);
+        if (another) f->rival += squared(f->surprise) * odds(f->candidate_age, f->reference_age);
     }
     f->last = norm;
     return trust;

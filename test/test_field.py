@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from test_learning import MICRO, WILD, errors_deg, live, recording
+from test_learning import MICRO, WILD, errors_deg, inclination_deg, live, recording
 
 from stateful_ahrs import filters
 from stateful_ahrs.filters.field import LOST, TRIED, UNSEEN, compared
@@ -155,6 +155,26 @@ def test_after_it_north_is_found_again_at_once_and_iron_within_seconds(times):
     assert wrong[12000:].max() < 0.5
     assert f.report.mag_trust > 0.9
     assert math.degrees(f.stddev[1]) < 4.0
+
+
+@pytest.mark.parametrize("turn_deg", [20.0, 45.0, 90.0])
+def test_a_field_turned_alone_moves_no_tilt(turn_deg):
+    samples, truth = recording(110.0)
+    otherwise(samples, truth, 60.0, turn_deg, 1.0)
+    rotors = filters.make("stateful").run(samples)
+    assert inclination_deg(rotors, truth)[6000:].max() < 0.5
+
+
+def test_at_rest_the_deviation_falls_once_the_right_field_is_back():
+    samples, truth = recording(160.0, motion=MOTIONS["rest"])
+    clean = samples.mag.copy()
+    otherwise(samples, truth, 60.0, 80.0, 2.0)
+    samples.mag[12000:] = clean[12000:]
+    f = filters.make("stateful")
+    told = []
+    live(samples, f, lambda: told.append(math.degrees(f.stddev[1])))
+    assert told[11900] > 15.0
+    assert max(told[12500:]) < 4.0
 
 
 def test_a_new_start_in_another_field_teaches_no_iron():

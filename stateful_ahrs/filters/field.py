@@ -110,11 +110,14 @@ def compared(
     if left_age > 0.0:
         left_age *= math.exp(-motion * alike / OLDEST)
         rival = left**2 * odds(left_age, reference_age)
+    another = weigh and off > CANDIDATE_SPREAD
     far = weigh and off + (field.surprise / SURPRISE_SPREAD) ** 2 > CANDIDATE_FAR
     older = candidate_age >= max(CANDIDATE_AGE, reference_age)
-    if field.looks > TRIED:  # then only if nobody knows better, or it makes no difference
+    if (
+        another and field.looks > TRIED
+    ):  # then only if nobody knows better, or it makes no difference
         older = older and (held + rival > LOST**2 or field.surprise**2 < AGREES * held)
-    elif reference_age > UNTRIED:  # where nothing turns, nothing is lost by waiting
+    elif another and reference_age > UNTRIED:  # where nothing turns, nothing is lost by waiting
         older = older and turned > TURNS * time
     swapped = far and older
     looks = field.looks + trust * turned
@@ -136,7 +139,7 @@ def compared(
         # What a field that is off says it says as a whole, and not anew in each window.
         if weigh and off > CANDIDATE_FAR:
             trust /= (1.0 + candidate_age / REPEATS) ** 2
-        if far:
+        if another:
             rival += surprise**2 * odds(candidate_age, reference_age)
     field = Field(
         mag_time,

@@ -12,6 +12,7 @@ import sys
 import tempfile
 import time
 from contextlib import suppress
+from functools import partial
 from types import TracebackType
 from typing import IO
 
@@ -73,7 +74,7 @@ class Children:
             stdout=self._said[name],
             stderr=subprocess.STDOUT,
             start_new_session=True,
-            preexec_fn=_end_with_parent,  # one call to the kernel: no harm beside DDS's threads
+            preexec_fn=partial(_end_with, os.getpid()),  # two calls: no harm beside DDS's threads
         )
 
     def ended(self, name: str) -> bool:
@@ -104,9 +105,14 @@ class Children:
                 process.wait()
 
 
-def _end_with_parent() -> None:
-    """Let the kernel end this process should its parent be killed."""
-    LIBC.prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+def _end_with(parent: int) -> None:
+    """Let the kernel end this process should its parent be killed.
+
+    By SIGKILL, because a SIGTERM in the midst of rclpy's start is lost.
+    """
+    LIBC.prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:  # it was, just before
+        os._exit(1)
 
 
 def _signal(process: subprocess.Popen[bytes], number: int) -> None:

@@ -71,7 +71,7 @@ class Adapter:
                     print("done", flush=True)
                 elif key.fileobj is self._door:
                     self._enter()
-                else:
+                elif key.fileobj in self._programs:  # else it was just removed
                     self._answer(key.fileobj)  # type: ignore[arg-type]
 
     def _obey(self, command: str, value: str = "1") -> None:
