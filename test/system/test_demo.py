@@ -69,7 +69,7 @@ def test_the_simulated_chain_follows_the_truth_and_takes_a_new_alpha():
     assert number(r"sign flips +(\d+)", out) == 0
     assert number(r"orientations +(\d+)", out) > 400  # of 800, were the machine never busy
     # 1.4° in 5 ms at the fastest; a stall of the machine adds, but only a heading found anew jumps
-    assert number(r"largest step +([\d.]+)°", out) < 45.0
+    assert number(r"largest step +([\d.]+)°", out) < 90.0
 
 
 def test_of_a_bag_every_sample_is_used_and_its_end_ends_the_demo():
