@@ -113,11 +113,11 @@ def compared(
     another = weigh and off > CANDIDATE_SPREAD
     far = weigh and off + (field.surprise / SURPRISE_SPREAD) ** 2 > CANDIDATE_FAR
     older = candidate_age >= max(CANDIDATE_AGE, reference_age)
-    if (
-        another and field.looks > TRIED
-    ):  # then only if nobody knows better, or it makes no difference
+    if another and field.looks > TRIED:
+        # Only if nobody knows better, or it makes no difference.
         older = older and (held + rival > LOST**2 or field.surprise**2 < AGREES * held)
-    elif another and reference_age > UNTRIED:  # where nothing turns, nothing is lost by waiting
+    elif another and reference_age > UNTRIED:
+        # Where nothing turns, nothing is lost by waiting.
         older = older and turned > TURNS * time
     swapped = far and older
     looks = field.looks + trust * turned
@@ -137,7 +137,7 @@ def compared(
         share = min(1.0, motion / SURPRISE_TIME)
         surprise = around(field.surprise + share * around(north - field.surprise))
         # What a field that is off says it says as a whole, and not anew in each window.
-        if weigh and off > CANDIDATE_FAR:
+        if another and off > CANDIDATE_FAR:
             trust /= (1.0 + candidate_age / REPEATS) ** 2
         if another:
             rival += surprise**2 * odds(candidate_age, reference_age)
