@@ -58,10 +58,12 @@ def eventful(samples: Samples) -> Samples:
     gyro[2000], accel[2100], mag[2200] = 30.0, 100.0, 1e-3  # glitches
     gyro[3000:3050] = np.nan
     mag[3500:3600] *= 20.0
+    gyro[5550] = accel[5570] = 30.0  # glitches where steps are long
     quarter = len(samples) // 4
     mag[2 * quarter : 3 * quarter] *= 1.3  # another field, and back
     mag[3 * quarter : 3 * quarter + 100] = 0.0
     stamps = samples.stamps.copy()
+    stamps[5500:] += 20_000_000 * np.minimum(np.arange(len(stamps) - 5500), 100)
     stamps[quarter:] += 800_000_000  # a gap
     stamps[quarter + 200 :] += 100_000_000  # another
     stamps[3 * quarter :] += 2_000_000_000  # a new start, without a field

@@ -416,8 +416,9 @@ static double compared(Field *f, double norm, double dip, double north, double h
         f->dip_reference += share * (f->dip - f->dip_reference);
         share = smaller(1.0, motion / SURPRISE_TIME);
         f->surprise = around(f->surprise + share * around(north - f->surprise));
-        if (off > CANDIDATE_FAR) /* what it says it says as a whole, and not anew in each window */
-            trust /= squared(1.0 + f->candidate_age / REPEATS);
+        /* What a field that is off says it says as a whole, and not anew in each window. */
+        double repeated = smaller(1.0, larger(0.0, off / CANDIDATE_SPREAD - 1.0)) * f->candidate_age;
+        trust /= squared(1.0 + repeated / REPEATS);
         if (another) f->rival += squared(f->surprise) * odds(f->candidate_age, f->reference_age);
     }
     f->last = norm;

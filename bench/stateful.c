@@ -35,7 +35,8 @@ static inline double part_of_heading(const Learned *learned, double tilt_rate, d
 static const double JUMP_OF_RATE = 4.0; /* rad/s */
 static const double JUMP_OF_FORCE = 30.0; /* m/s^2 */
 static const double ALIKE = 1.0 / 16.0; /* of the square of the jump */
-static const double STAYS = 0.25, SHORT = 0.03; /* s */
+static const double SHORT = 0.022, STAYS = 0.25; /* s */
+static const double BETTER = 0.25; /* of how far gravity and north are off */
 
 /* The rate before the last, the time that the last turned for (negative where the mean of both did),
    the last force, the one before. */
@@ -64,6 +65,30 @@ static Rotor way_back(Vector last, const Seen *seen, Vector rate)
     return product(conjugate(from_rate(last, span)), from_rate(meant, span));
 }
 
+/* Variance of the last turn, as its rate may have been none; else 0. */
+static double doubt(Vector last, const Seen *seen, Vector rate)
+{
+    return squared(seen->span) * square(to_neighbours(last, seen->rate, rate, JUMP_OF_RATE));
+}
+
+/* How far up and north are off by a rotor: 1 - cos of each, 0 if not seen. */
+static double off(Rotor rotor, Vector accel, Vector mag)
+{
+    double sum = 0.0;
+    if (usable(accel)) sum += 1.0 - rotate(rotor, accel).z / sqrt(square(accel));
+    if (heard(mag)) {
+        Vector m = rotate(rotor, mag);
+        sum += 1.0 - m.x / sqrt(m.x * m.x + m.y * m.y + 1e-30);
+    }
+    return sum;
+}
+
+/* Whether gravity and north are much nearer to where they belong by `rotor`. */
+static int is_better(Rotor rotor, Rotor other, Vector accel, Vector mag)
+{
+    return off(rotor, accel, mag) < BETTER * off(other, accel, mag);
+}
+
 /* The force that undoes in a low-pass, which is linear, what the last did if it was none. */
 static Vector put_right(const Seen *seen, Rotor turn, Vector accel)
 {
@@ -78,16 +103,16 @@ static Vector put_right(const Seen *seen, Rotor turn, Vector accel)
 /* Whether a field differs by more than itself from a last good one, `age` s old; no if none. */
 static inline int is_glitch(Vector mag, Vector last, double age, double dt)
 {
-    if (square(last) == 0.0 || !(age - dt < STAYS && dt < SHORT)) return 0;
+    if (square(last) == 0.0 || age - dt >= STAYS || dt >= STAYS) return 0;
     return square(minus(mag, last)) > smaller(square(mag), square(last));
 }
 
 /* gaps.py */
-static const double MISSING = 3.0, OF_RATE = 0.3, AT_REST = 0.1, SURE = 0.05, MUCH_LOST = 0.003;
+static const double GAP = 0.03, MISSING = 3.0, OF_RATE = 0.3, AT_REST = 0.1, SURE = 0.05, MUCH_LOST = 0.003;
 
 static inline int is_gap(double dt, double last)
 {
-    return dt > SHORT && dt > MISSING * last && last > 0.0;
+    return dt > GAP && dt > MISSING * last && last > 0.0;
 }
 
 /* Variance of a turn that took `span` s, by the rates before and after it. */
@@ -323,23 +348,35 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
         lost = variance_lost(before, may_be_none ? before : turn_rate, dt);
         turn_rate = middle(before, turn_rate), span = -dt;
     }
-    if (lost > 0.0) {
-        s->earth.time = left_of(s->earth.time, lost);
-        s->elapsed = left_of(smaller(s->elapsed, AVERAGED), lost);
-    }
     Rotor turn = from_rate(turn_rate, dt), change = IDENTITY, rotor;
-    if (0.0 < dt && dt < SHORT) {
-        if (is_far(rate, last, JUMP_OF_RATE))
-            turn = product(way_back(last, &s->seen, rate), turn);
-        if (is_far(accel, s->seen.force, JUMP_OF_FORCE)) accel = put_right(&s->seen, turn, accel);
+    double again = 0.0;
+    if (0.0 < dt && dt < STAYS) {
+        if (span > 0.0 && is_far(rate, last, JUMP_OF_RATE)) {
+            Rotor back = product(way_back(last, &s->seen, rate), turn);
+            if (dt < SHORT
+                || is_better(product(s->rotor, back), product(s->rotor, turn), accel, mag))
+                turn = back;
+            else
+                lost += doubt(last, &s->seen, rate);
+        }
+        if (is_far(accel, s->seen.force, JUMP_OF_FORCE)) {
+            accel = put_right(&s->seen, turn, accel);
+            if (square(minus(accel, force)) != 0.0) again = dt; /* the start took it whole */
+        }
     }
     /* What a start takes is in no low-pass, and nothing has turned by it. */
     s->seen = dt > 0.0 ? (Seen){last, span, force, s->seen.force} : (Seen){last, 0.0, ZERO, ZERO};
+    if (lost > 0.0) {
+        s->earth.time = left_of(s->earth.time, lost);
+        if (lost > MUCH_LOST) s->earth.field = ZERO;
+        s->elapsed = left_of(smaller(s->elapsed, AVERAGED), lost);
+    }
     Rotor predicted = product(s->rotor, turn);
     if (dt != s->pace.dt) s->pace = paced(gains, dt);
     Pace pace = s->pace;
     int starts = dt <= 0.0 || !senses->started, begins = 0;
-    if (s->elapsed < AVERAGED && !starts) pace.weight = at_start(pace.weight, s->elapsed, dt);
+    if (s->elapsed < AVERAGED + again && !starts)
+        pace.weight = at_start(pace.weight, s->elapsed - again, dt);
     s->elapsed += dt;
     if (!starts) {
         if (s->past.time < WINDOW) nudge = times(0.5 * dt, learned->drift);

@@ -17,6 +17,7 @@ from stateful_ahrs import filters
 from stateful_ahrs.evaluation.score import prepare
 from stateful_ahrs.filters import Settings
 from stateful_ahrs.filters.samples import Samples
+from stateful_ahrs.filters.spikes import JUMP_OF_RATE
 from stateful_ahrs.mpu9250.motion import MOTIONS, Motion, Turn, X, Z
 from stateful_ahrs.recordings import load
 from stateful_ahrs.rotor import conjugate, rotate
@@ -81,6 +82,28 @@ def test_after_any_single_bad_sample_it_recovers_within_a_second(tumbling, row, 
     # and north take back with the time constant of 3 s; a force of 400 m/s² leaves as much, and a
     # field that differs by less than itself up to 7°.
     assert (harm - unharmed).max() < 10.0
+
+
+@pytest.mark.parametrize("rate", [20, 25, 33, 40, 50])
+def test_so_it_does_where_samples_are_seldom(rate):
+    samples, truth = recording(6.0, rate)
+    unharmed = errors_deg(run(samples), truth)
+    undecided = math.degrees(JUMP_OF_RATE / rate)  # a rate off by less may be right
+    for sensor, value in (
+        ("gyro", (30.0, 0.0, 0.0)),
+        ("gyro", (-70.0, 90.0, -60.0)),  # about half a turn at 25 Hz
+        ("gyro", (0.0, 0.0, 8.0)),
+        ("gyro", (0.0, -3.0, 0.0)),
+        ("accel", (300.0, 0.0, 0.0)),
+        ("accel", (0.0, 20.0, 20.0)),
+        ("mag", (0.0, -1e-4, 0.0)),
+        ("mag", (0.0, -2e-5, -5e-5)),
+    ):
+        for row in range(rate // 2, 4 * rate):
+            column = getattr(samples, sensor).copy()
+            column[row] = value
+            harm = errors_deg(run(replace(samples, **{sensor: column})), truth) - unharmed
+            assert harm[row + rate :].max() < 1.0 + undecided, (sensor, value, row)
 
 
 # Gravity

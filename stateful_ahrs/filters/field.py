@@ -26,7 +26,7 @@ CANDIDATE_FAR = 16.0  # (4 σ)²
 CANDIDATE_AGE = 1.0  # s of motion, at least
 OLDEST = 40.0  # s of motion
 TRIED = 4.0  # rad that the reference turned in the sensor frame: from then on it is held
-REPEATS = 4.0  # s of motion, after which a field that is off says nothing new
+REPEATS = 4.0  # s of motion, after which a field that is far off says nothing new
 LOST = math.radians(10.0)  # deviation, as it is told, of a heading not worth holding
 AGREES = 16.0  # (4 σ)²
 REST_COUNTS = 0.05  # of a second in motion
@@ -136,9 +136,10 @@ def compared(
         dip_reference += share * (smooth_dip - dip_reference)
         share = min(1.0, motion / SURPRISE_TIME)
         surprise = around(field.surprise + share * around(north - field.surprise))
-        # What a field that is off says it says as a whole, and not anew in each window.
-        if another and off > CANDIDATE_FAR:
-            trust /= (1.0 + candidate_age / REPEATS) ** 2
+        if weigh:
+            # What a field that is off says it says as a whole, and not anew in each window.
+            repeated = min(1.0, max(0.0, off / CANDIDATE_SPREAD - 1.0)) * candidate_age
+            trust /= (1.0 + repeated / REPEATS) ** 2
         if another:
             rival += surprise**2 * odds(candidate_age, reference_age)
     field = Field(

@@ -10,8 +10,9 @@ from __future__ import annotations
 import math
 
 from ..rotor import Vector
-from .spikes import SHORT, square
+from .spikes import square
 
+GAP = 0.03  # s: no step so short is one
 MISSING = 3.0  # of the last step: a longer one is a gap
 OF_RATE = 0.3  # of the rates at its ends: how far (standard deviation) that between is off
 AT_REST = 0.1  # rad/s: likewise where the sensor rests before and after
@@ -24,7 +25,7 @@ def is_gap(dt: float, last: float) -> bool:
 
     A second step as long as the first is none: then samples have come to be seldom.
     """
-    return dt > SHORT and dt > MISSING * last > 0.0
+    return dt > GAP and dt > MISSING * last > 0.0
 
 
 def variance_lost(before: Vector, after: Vector, span: float) -> float:

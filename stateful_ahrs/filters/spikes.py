@@ -2,23 +2,25 @@
 
 A motion does not turn faster by 4 rad/s for one sample and is back with the next; a glitch on the
 bus does. A rate and a force are taken back with the next sample; a field that differs from the
-last good one by more than that is not taken, unless it stays. Not in the paper, and off where a
-filter is the paper's.
+last good one by more than itself is not taken, unless it stays. Where steps are longer
+gravity and north have to say so too, and a rate that they do not clear is doubted. Not in the
+paper, and off where a filter is the paper's.
 """
 
 from __future__ import annotations
 
 import math
 
-from ..rotor import Rotor, Vector, carried, conjugate, from_rate, minus, product, total
-from .senses import STRONGEST, usable
+from ..rotor import Rotor, Vector, carried, conjugate, from_rate, minus, product, rotate, total
+from .senses import STRONGEST, heard, usable
 
 ZERO: Vector = (0.0, 0.0, 0.0)
 JUMP_OF_RATE = 4.0  # rad/s
 JUMP_OF_FORCE = 30.0  # m/s²
 ALIKE = 1.0 / 16.0  # of the square of the jump: how near the two neighbours are
+SHORT = 0.022  # s: in longer steps a motion may well turn and turn back
+BETTER = 0.25  # of how far gravity and north are off
 STAYS = 0.25  # s
-SHORT = 0.03  # s: in longer steps a motion may well turn and turn back
 
 
 # What is remembered for it, beside the last good rate: the rate before it (rad/s), the time that
@@ -43,6 +45,29 @@ def way_back(last: Vector, seen: Seen, rate: Vector) -> Rotor:
     if span < 0.0:
         span, last, meant = -span, middle(before, last), middle(before, meant)
     return product(conjugate(from_rate(last, span)), from_rate(meant, span))
+
+
+def doubt(last: Vector, seen: Seen, rate: Vector) -> float:
+    """Variance (rad²) of the last turn, as its rate (rad/s) may have been none; else 0."""
+    before, span, _, _ = seen
+    return span * span * square(to_neighbours(last, before, rate, JUMP_OF_RATE))
+
+
+def is_better(rotor: Rotor, other: Rotor, accel: Vector, mag: Vector) -> bool:
+    """Whether gravity and north are much nearer to where they belong by ``rotor``."""
+    return off(rotor, accel, mag) < BETTER * off(other, accel, mag)
+
+
+def off(rotor: Rotor, accel: Vector, mag: Vector) -> float:
+    """How far up and north are off by a rotor (sensor → earth): 1 − cos of each, 0 if not seen."""
+    sum_ = 0.0
+    if usable(accel):
+        _, _, z = rotate(rotor, accel)
+        sum_ += 1.0 - z / math.sqrt(square(accel))
+    if heard(mag):
+        x, y, _ = rotate(rotor, mag)
+        sum_ += 1.0 - x / math.sqrt(x * x + y * y + 1e-30)
+    return sum_
 
 
 def put_right(seen: Seen, turn: Rotor, accel: Vector) -> Vector:
@@ -75,7 +100,7 @@ def is_glitch(mag: Vector, last: Vector, age: float, dt: float) -> bool:
 
     Both are in the earth frame.
     """
-    if last == ZERO or not (age - dt < STAYS and dt < SHORT):
+    if last == ZERO or age - dt >= STAYS or dt >= STAYS:
         return False
     return square(minus(mag, last)) > min(square(mag), square(last))
 

@@ -62,7 +62,7 @@ from .gains import (
     plain_gains,
     weight_of_gyro,
 )
-from .gaps import MUCH_LOST, is_gap, left_of, variance_lost
+from .gaps import GAP, MUCH_LOST, is_gap, left_of, variance_lost
 from .kernel import Kernel, KernelFilter, Report
 from .learning import (
     COLUMNS,
@@ -91,9 +91,12 @@ from .spikes import (
     JUMP_OF_FORCE,
     JUMP_OF_RATE,
     SHORT,
+    STAYS,
     UNSEEN,
     ZERO,
     Seen,
+    doubt,
+    is_better,
     is_far,
     middle,
     put_right,
@@ -209,31 +212,37 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
         if mag[0] == mag[0]:
             mag = true_field(learned, mag, turn_rate)
     lost, held_for, span = 0.0, 0.0, dt
-    if learns and (dt > SHORT or gyro_rejected > last.gyro_rejected):
+    if learns and (dt > GAP or gyro_rejected > last.gyro_rejected):
         turn_rate, lost, held_for, span = guessed(
             last, learned, past, rate, turn_rate, gyro_rejected, dt
         )
-        if lost > 0.0 and alpha < 1.0 and gains.alpha_heading < 1.0:
-            mean, time, field = earth
-            earth = (mean, left_of(time, lost), field)
-            elapsed = left_of(min(elapsed, AVERAGED), lost)
     turn = from_rate(turn_rate, dt)
-    force = accel
+    force, again = accel, 0.0
     if despike:
-        if 0.0 < dt < SHORT:
-            if is_far(rate, last.rate, JUMP_OF_RATE):
-                turn = product(way_back(last.rate, seen, rate), turn)
+        if 0.0 < dt < STAYS:
+            if span > 0.0 and is_far(rate, last.rate, JUMP_OF_RATE):
+                back = product(way_back(last.rate, seen, rate), turn)
+                if dt < SHORT or is_better(product(rotor, back), product(rotor, turn), accel, mag):
+                    turn = back
+                elif learns:
+                    lost += doubt(last.rate, seen, rate)
             if low_pass and is_far(accel, seen[2], JUMP_OF_FORCE):
                 accel = put_right(seen, turn, accel)
+                if accel != force:
+                    again = dt  # the start may have taken it whole
         # What a start takes is in no low-pass, and nothing has turned by it.
         seen = (last.rate, span, force, seen[2]) if dt > 0.0 else (last.rate, 0.0, ZERO, ZERO)
+    if lost > 0.0 and alpha < 1.0 and gains.alpha_heading < 1.0:
+        mean, time, field = earth
+        earth = (mean, left_of(time, lost), ZERO if lost > MUCH_LOST else field)
+        elapsed = left_of(min(elapsed, AVERAGED), lost)
     predicted = predict(rotor, turn)
     if dt != pace[0]:
         pace = paced(gains, dt)
     _, weight, tilt_rate = pace
     starts = dt <= 0.0 or not last.started
-    if average_start and elapsed < AVERAGED and not starts:
-        weight = at_start(gains, weight, elapsed, dt)
+    if average_start and elapsed < AVERAGED + again and not starts:
+        weight = at_start(gains, weight, elapsed - again, dt)
     elapsed += dt
     begins = False
     if turns and not starts:
