@@ -31,8 +31,8 @@ static const double DELAY_BLOCK = 2.0, DELAY_RANGE[2] = {-0.005, 0.030};
 static const double FIELD_SMOOTH = 1.5, NORM_SPREAD = 0.025, DIP_SPREAD = 0.05, SUDDEN = 0.25;
 static const double OFF = 10.0, REFERENCE = 40.0, YOUNG = 20.0;
 static const double UNTRIED = 2.0, UNTRIED_HEADING = 6.0 * DEGREE;
-static const double CANDIDATE_SPREAD = 9.0, CANDIDATE_FAR = 16.0, CANDIDATE_AGE = 1.0;
-static const double OLDEST = 40.0, TRIED = 4.0, LOST = 10.0 * DEGREE, AGREES = 16.0;
+static const double CANDIDATE_SPREAD = 9.0, NEARLY_FAR = 12.0, CANDIDATE_FAR = 16.0;
+static const double CANDIDATE_AGE = 1.0, OLDEST = 40.0, TRIED = 4.0, LOST = 10.0 * DEGREE, AGREES = 16.0;
 static const double REST_COUNTS = 0.05, TURNS = 0.05, REPEATS = 4.0;
 static const double SURPRISE_TIME = 5.0, SURPRISE_SPREAD = 2.0 * DEGREE;
 static const double SWAP_DEVIATION = 5.0 * DEGREE;
@@ -417,8 +417,8 @@ static double compared(Field *f, double norm, double dip, double north, double h
         share = smaller(1.0, motion / SURPRISE_TIME);
         f->surprise = around(f->surprise + share * around(north - f->surprise));
         /* What a field that is off says it says as a whole, and not anew in each window. */
-        double repeated = smaller(1.0, larger(0.0, off / CANDIDATE_SPREAD - 1.0)) * f->candidate_age;
-        trust /= squared(1.0 + repeated / REPEATS);
+        double is_far = (off - NEARLY_FAR) / (CANDIDATE_FAR - NEARLY_FAR);
+        trust /= squared(1.0 + smaller(1.0, larger(0.0, is_far)) * f->candidate_age / REPEATS);
         if (another) f->rival += squared(f->surprise) * odds(f->candidate_age, f->reference_age);
     }
     f->last = norm;
