@@ -52,6 +52,7 @@ def eventful(samples: Samples) -> Samples:
     """The same with what happens seldom, for comparison of filters that ought to be the same."""
     gyro, accel, mag = (part.copy() for part in (samples.gyro, samples.accel, samples.mag))
     mag[0] *= 0.01  # a first field much too weak
+    accel[0] = accel[0][::-1]  # and a force of another direction
     for rows, rate in ((slice(1000), 0.0), (slice(4000, 5000), 0.02)):  # a rest, a slow turn
         gyro[rows] = gyro[rows] * 0.002 + rate
         accel[rows], mag[rows] = accel[rows][:1], mag[rows][:1]

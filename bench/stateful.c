@@ -36,7 +36,7 @@ static const double JUMP_OF_RATE = 4.0; /* rad/s */
 static const double JUMP_OF_FORCE = 30.0; /* m/s^2 */
 static const double ALIKE = 1.0 / 16.0; /* of the square of the jump */
 static const double SHORT = 0.022, STAYS = 0.25; /* s */
-static const double BETTER = 0.25; /* of how far gravity and north are off */
+static const double BETTER = 0.25, START_OFF = 0.06; /* of how far gravity and north are off */
 
 /* The rate before the last, the time that the last turned for (negative where the mean of both did),
    the last force, the one before. */
@@ -350,6 +350,9 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
     }
     Rotor turn = from_rate(turn_rate, dt), change = IDENTITY, rotor;
     double again = 0.0;
+    if (s->elapsed == 0.0 && senses->started
+        && off(product(s->rotor, turn), accel, senses->heading_known ? mag : ZERO) > START_OFF)
+        dt = 0.0; /* the start or this is none */
     if (0.0 < dt && dt < STAYS) {
         if (span > 0.0 && is_far(rate, last, JUMP_OF_RATE)) {
             Rotor back = product(way_back(last, &s->seen, rate), turn);

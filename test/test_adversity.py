@@ -84,6 +84,21 @@ def test_after_any_single_bad_sample_it_recovers_within_a_second(tumbling, row, 
     assert (harm - unharmed).max() < 10.0
 
 
+@pytest.mark.parametrize("rate", [20, 100, 500])
+@pytest.mark.parametrize("sensor", ["gyro", "accel", "mag"])
+@pytest.mark.parametrize("row", [0, 1])
+def test_a_bad_sample_among_the_first_is_no_start(rate, sensor, row):
+    samples, truth = recording(2.5, rate)
+    unharmed = errors_deg(run(samples), truth)
+    for direction in np.random.default_rng(row).normal(size=(20, 3)):
+        column = getattr(samples, sensor).copy()
+        direction *= np.linalg.norm(column[row]) / np.linalg.norm(direction)
+        for times in (0.3, 1.0, 3.0, 30.0):
+            column[row] = times * direction
+            harm = errors_deg(run(replace(samples, **{sensor: column})), truth) - unharmed
+            assert harm[rate:].max() < 7.0, (direction, times)
+
+
 @pytest.mark.parametrize("rate", [20, 25, 33, 40, 50])
 def test_so_it_does_where_samples_are_seldom(rate):
     samples, truth = recording(6.0, rate)

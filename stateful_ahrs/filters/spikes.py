@@ -5,6 +5,8 @@ bus does. A rate and a force are taken back with the next sample; a field that d
 last good one by more than itself is not taken, unless it stays. Where steps are longer
 gravity and north have to say so too, and a rate that they do not clear is doubted. Not in the
 paper, and off where a filter is the paper's.
+
+A start is one sample: if the next contradicts it, that is the start.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ JUMP_OF_FORCE = 30.0  # m/s²
 ALIKE = 1.0 / 16.0  # of the square of the jump: how near the two neighbours are
 SHORT = 0.022  # s: in longer steps a motion may well turn and turn back
 BETTER = 0.25  # of how far gravity and north are off
+START_OFF = 0.06  # 1 − cos 20°
 STAYS = 0.25  # s
 
 

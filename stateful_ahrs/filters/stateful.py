@@ -91,6 +91,7 @@ from .spikes import (
     JUMP_OF_FORCE,
     JUMP_OF_RATE,
     SHORT,
+    START_OFF,
     STAYS,
     UNSEEN,
     ZERO,
@@ -99,6 +100,7 @@ from .spikes import (
     is_better,
     is_far,
     middle,
+    off,
     put_right,
     way_back,
 )
@@ -219,6 +221,10 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
     turn = from_rate(turn_rate, dt)
     force, again = accel, 0.0
     if despike:
+        if average_start and elapsed == 0.0 and last.started:
+            north = mag if sources.use_mag and last.heading_known else ZERO
+            if off(product(rotor, turn), accel, north) > START_OFF:
+                dt = 0.0  # one of the two is none
         if 0.0 < dt < STAYS:
             if span > 0.0 and is_far(rate, last.rate, JUMP_OF_RATE):
                 back = product(way_back(last.rate, seen, rate), turn)
