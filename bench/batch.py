@@ -51,20 +51,21 @@ def tumbling(count: int = SAMPLES) -> Samples:
 def eventful(samples: Samples) -> Samples:
     """The same with what happens seldom, for comparison of filters that ought to be the same."""
     gyro, accel, mag = (part.copy() for part in (samples.gyro, samples.accel, samples.mag))
-    mag[0] *= 0.01  # a first field much too weak
-    accel[0] = accel[0][::-1]  # and a force of another direction
     for rows, rate in ((slice(1000), 0.0), (slice(4000, 5000), 0.02)):  # a rest, a slow turn
         gyro[rows] = gyro[rows] * 0.002 + rate
         accel[rows], mag[rows] = accel[rows][:1], mag[rows][:1]
+    accel[0], mag[0] = accel[0][::-1], 0.01 * mag[0]  # a start that is none
+    accel[199] = 100.0  # a glitch as the start's mean is full
     gyro[2000], accel[2100], mag[2200] = 30.0, 100.0, 1e-3  # glitches
     gyro[3000:3050] = np.nan
     mag[3500:3600] *= 20.0
-    gyro[5550] = accel[5570] = 30.0  # glitches where steps are long
+    gyro[[5550, 5580]] = accel[5570] = 30.0  # glitches where steps are long
+    accel[5581], mag[5581] = np.nan, 0.0  # nothing to tell the second by
     quarter = len(samples) // 4
     mag[2 * quarter : 3 * quarter] *= 1.3  # another field, and back
     mag[3 * quarter : 3 * quarter + 100] = 0.0
     stamps = samples.stamps.copy()
-    stamps[5500:] += 20_000_000 * np.minimum(np.arange(len(stamps) - 5500), 100)
+    stamps[5500:] += 15_000_000 * np.minimum(np.arange(len(stamps) - 5500), 100)
     stamps[quarter:] += 800_000_000  # a gap
     stamps[quarter + 200 :] += 100_000_000  # another
     stamps[3 * quarter :] += 2_000_000_000  # a new start, without a field

@@ -36,11 +36,11 @@ static const double JUMP_OF_RATE = 4.0; /* rad/s */
 static const double JUMP_OF_FORCE = 30.0; /* m/s^2 */
 static const double ALIKE = 1.0 / 16.0; /* of the square of the jump */
 static const double SHORT = 0.022, STAYS = 0.25; /* s */
-static const double BETTER = 0.25, START_OFF = 0.06; /* of how far gravity and north are off */
+static const double BETTER = 0.25, START_OFF = 0.03; /* of misfits */
 
 /* The rate before the last, the time that the last turned for (negative where the mean of both did),
    the last force, the one before. */
-typedef struct { Vector rate; double span; Vector force, force_before; } Seen;
+typedef struct { Vector rate; double span; Vector force, force_before, field; } Seen;
 
 static Vector middle(Vector u, Vector v) { return times(0.5, total(u, v)); }
 
@@ -66,27 +66,39 @@ static Rotor way_back(Vector last, const Seen *seen, Vector rate)
 }
 
 /* Variance of the last turn, as its rate may have been none; else 0. */
-static double doubt(Vector last, const Seen *seen, Vector rate)
+static double variance_doubted(Vector last, const Seen *seen, Vector rate)
 {
-    return squared(seen->span) * square(to_neighbours(last, seen->rate, rate, JUMP_OF_RATE));
+    double span = seen->span < 0.0 ? 0.5 * seen->span : seen->span;
+    return span * span * square(to_neighbours(last, seen->rate, rate, JUMP_OF_RATE));
 }
 
-/* How far up and north are off by a rotor: 1 - cos of each, 0 if not seen. */
-static double off(Rotor rotor, Vector accel, Vector mag)
+/* How far up and `field` are off by a rotor: 1 - cos of both, 0 for what is not there. */
+static double misfit(Rotor rotor, Vector accel, Vector mag, Vector field)
 {
-    double sum = 0.0;
-    if (usable(accel)) sum += 1.0 - rotate(rotor, accel).z / sqrt(square(accel));
-    if (heard(mag)) {
-        Vector m = rotate(rotor, mag);
-        sum += 1.0 - m.x / sqrt(m.x * m.x + m.y * m.y + 1e-30);
+    double found = 0.0;
+    if (usable(accel)) {
+        Vector up = rotate(rotor, accel);
+        found += 1.0 - up.z / sqrt(square(up));
     }
-    return sum;
+    if (heard(mag) && heard(field)) {
+        Vector m = rotate(rotor, mag);
+        double along = m.x * field.x + m.y * field.y + m.z * field.z;
+        found += 1.0 - along / sqrt(square(m) * square(field));
+    }
+    return found;
 }
 
-/* Whether gravity and north are much nearer to where they belong by `rotor`. */
-static int is_better(Rotor rotor, Rotor other, Vector accel, Vector mag)
+/* Whether gravity and field are much nearer to where they were by `rotor`. */
+static int is_better(Rotor rotor, Rotor other, Vector accel, Vector mag, Vector field)
 {
-    return off(rotor, accel, mag) < BETTER * off(other, accel, mag);
+    return misfit(rotor, accel, mag, field) < BETTER * misfit(other, accel, mag, field);
+}
+
+/* Whether a sample shows that the start was none; not three times in a row. */
+static int contradicts(Rotor rotor, const Seen *seen, Vector accel, Vector mag, Vector field)
+{
+    return square(seen->force_before) == 0.0 && usable(accel)
+        && misfit(rotor, accel, mag, field) > START_OFF;
 }
 
 /* The force that undoes in a low-pass, which is linear, what the last did if it was none. */
@@ -350,25 +362,27 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
     }
     Rotor turn = from_rate(turn_rate, dt), change = IDENTITY, rotor;
     double again = 0.0;
-    if (s->elapsed == 0.0 && senses->started
-        && off(product(s->rotor, turn), accel, senses->heading_known ? mag : ZERO) > START_OFF)
-        dt = 0.0; /* the start or this is none */
     if (0.0 < dt && dt < STAYS) {
+        if (s->elapsed == 0.0 && s->earth.time == 0.0 && senses->started
+            && contradicts(product(s->rotor, turn), &s->seen, accel, mag, s->earth.field))
+            senses->started = senses->heading_known = 0, span = 0.0;
         if (span > 0.0 && is_far(rate, last, JUMP_OF_RATE)) {
             Rotor back = product(way_back(last, &s->seen, rate), turn);
-            if (dt < SHORT
-                || is_better(product(s->rotor, back), product(s->rotor, turn), accel, mag))
+            if (larger(dt, fabs(s->seen.span)) < SHORT
+                || is_better(product(s->rotor, back), product(s->rotor, turn), accel, mag,
+                             s->seen.field))
                 turn = back;
             else
-                lost += doubt(last, &s->seen, rate);
+                lost += variance_doubted(last, &s->seen, rate);
         }
-        if (is_far(accel, s->seen.force, JUMP_OF_FORCE)) {
+        if (s->earth.time > 0.0 && is_far(accel, s->seen.force, JUMP_OF_FORCE)) {
             accel = put_right(&s->seen, turn, accel);
             if (square(minus(accel, force)) != 0.0) again = dt; /* the start took it whole */
         }
     }
     /* What a start takes is in no low-pass, and nothing has turned by it. */
-    s->seen = dt > 0.0 ? (Seen){last, span, force, s->seen.force} : (Seen){last, 0.0, ZERO, ZERO};
+    s->seen = dt > 0.0 ? (Seen){last, span, force, s->seen.force, s->earth.field}
+                       : (Seen){last, 0.0, ZERO, ZERO, ZERO};
     if (lost > 0.0) {
         s->earth.time = left_of(s->earth.time, lost);
         if (lost > MUCH_LOST) s->earth.field = ZERO;

@@ -170,6 +170,18 @@ def look(
     return now, found, from_mag, begins and found, rotor
 
 
+def afresh(senses: Senses) -> Senses:
+    """As before a start, but for the counts and the last magnetic field."""
+    (
+        rate, mag, mag_age, _, _, turned, sign_corrections, gyro_rejected, accel_rejected,
+        mag_rejected,
+    ) = senses  # fmt: skip
+    return Senses(
+        rate, mag, mag_age, False, False, turned, sign_corrections, gyro_rejected, accel_rejected,
+        mag_rejected,
+    )  # fmt: skip
+
+
 def without_mag(senses: Senses, felt: Felt, accel: Vector) -> Senses:
     """What is remembered where there is no magnetometer and nothing to start from."""
     has_up = usable(accel)

@@ -2,11 +2,11 @@
 
 A motion does not turn faster by 4 rad/s for one sample and is back with the next; a glitch on the
 bus does. A rate and a force are taken back with the next sample; a field that differs from the
-last good one by more than itself is not taken, unless it stays. Where steps are longer
-gravity and north have to say so too, and a rate that they do not clear is doubted. Not in the
-paper, and off where a filter is the paper's.
+last good one by more than itself is not taken, unless it stays. In steps above 22 ms a motion may
+turn and turn back: there a rate is taken back only if gravity and field say so too, and else
+doubted. A start is one sample: if the next contradicts it, that is the start.
 
-A start is one sample: if the next contradicts it, that is the start.
+Not in the paper, and off where a filter is the paper's.
 """
 
 from __future__ import annotations
@@ -21,16 +21,17 @@ JUMP_OF_RATE = 4.0  # rad/s
 JUMP_OF_FORCE = 30.0  # m/s²
 ALIKE = 1.0 / 16.0  # of the square of the jump: how near the two neighbours are
 SHORT = 0.022  # s: in longer steps a motion may well turn and turn back
-BETTER = 0.25  # of how far gravity and north are off
-START_OFF = 0.06  # 1 − cos 20°
-STAYS = 0.25  # s
+BETTER = 0.25  # of a misfit: half of the angle
+START_OFF = 0.03  # likewise: 1 − cos 14°
+STAYS = 0.25  # s: after as long nothing is a glitch
 
 
 # What is remembered for it, beside the last good rate: the rate before it (rad/s), the time that
 # the last one turned for (s; negative where the mean of both did, in a gap), the last force and the
-# one before (m/s²). Without names, because one is made for each sample.
-Seen = tuple[Vector, float, Vector, Vector]
-UNSEEN: Seen = (ZERO, 0.0, ZERO, ZERO)
+# one before (m/s²), the field before the last (earth frame). Without names, because one is made for
+# each sample.
+Seen = tuple[Vector, float, Vector, Vector, Vector]
+UNSEEN: Seen = (ZERO, 0.0, ZERO, ZERO, ZERO)
 
 
 def is_far(u: Vector, v: Vector, jump: float) -> bool:
@@ -43,39 +44,51 @@ def is_far(u: Vector, v: Vector, jump: float) -> bool:
 
 def way_back(last: Vector, seen: Seen, rate: Vector) -> Rotor:
     """What takes back the last turn if its rate (rad/s) was none; else the identity."""
-    before, span, _, _ = seen
+    before, span, _, _, _ = seen
     meant = total(last, to_neighbours(last, before, rate, JUMP_OF_RATE))
     if span < 0.0:
         span, last, meant = -span, middle(before, last), middle(before, meant)
     return product(conjugate(from_rate(last, span)), from_rate(meant, span))
 
 
-def doubt(last: Vector, seen: Seen, rate: Vector) -> float:
+def variance_doubted(last: Vector, seen: Seen, rate: Vector) -> float:
     """Variance (rad²) of the last turn, as its rate (rad/s) may have been none; else 0."""
-    before, span, _, _ = seen
+    before, span, _, _, _ = seen
+    if span < 0.0:
+        span *= 0.5
     return span * span * square(to_neighbours(last, before, rate, JUMP_OF_RATE))
 
 
-def is_better(rotor: Rotor, other: Rotor, accel: Vector, mag: Vector) -> bool:
-    """Whether gravity and north are much nearer to where they belong by ``rotor``."""
-    return off(rotor, accel, mag) < BETTER * off(other, accel, mag)
+def is_better(rotor: Rotor, other: Rotor, accel: Vector, mag: Vector, field: Vector) -> bool:
+    """Whether gravity and field are much nearer to where they were by ``rotor``; see `misfit`."""
+    return misfit(rotor, accel, mag, field) < BETTER * misfit(other, accel, mag, field)
 
 
-def off(rotor: Rotor, accel: Vector, mag: Vector) -> float:
-    """How far up and north are off by a rotor (sensor → earth): 1 − cos of each, 0 if not seen."""
-    sum_ = 0.0
+def contradicts(rotor: Rotor, seen: Seen, accel: Vector, mag: Vector, field: Vector) -> bool:
+    """Whether a sample shows that the start was none; not three times in a row. See `misfit`."""
+    again = seen[3] != ZERO
+    return not again and usable(accel) and misfit(rotor, accel, mag, field) > START_OFF
+
+
+def misfit(rotor: Rotor, accel: Vector, mag: Vector, field: Vector) -> float:
+    """How far up and ``field`` (earth frame) are off by a rotor (sensor → earth).
+
+    The sum of 1 − cos of both angles, 0 for what is not there.
+    """
+    found = 0.0
     if usable(accel):
-        _, _, z = rotate(rotor, accel)
-        sum_ += 1.0 - z / math.sqrt(square(accel))
-    if heard(mag):
-        x, y, _ = rotate(rotor, mag)
-        sum_ += 1.0 - x / math.sqrt(x * x + y * y + 1e-30)
-    return sum_
+        up = rotate(rotor, accel)
+        found += 1.0 - up[2] / math.sqrt(square(up))
+    if heard(mag) and heard(field):
+        x, y, z = rotate(rotor, mag)
+        along = x * field[0] + y * field[1] + z * field[2]
+        found += 1.0 - along / math.sqrt(square((x, y, z)) * square(field))
+    return found
 
 
 def put_right(seen: Seen, turn: Rotor, accel: Vector) -> Vector:
     """The force that undoes in a low-pass, which is linear, what the last did if it was none."""
-    _, _, force, before = seen
+    _, _, force, before, _ = seen
     if not usable(force):
         return accel
     knock = to_neighbours(force, before, accel, JUMP_OF_FORCE)

@@ -84,24 +84,23 @@ from .learning import (
     start_anew,
 )
 from .samples import Array, Samples
-from .senses import Senses, held, look, usable
+from .senses import Senses, afresh, held, look, usable
 from .settings import DEFAULTS, Known
 from .settings import Settings as Settings
 from .spikes import (
     JUMP_OF_FORCE,
     JUMP_OF_RATE,
     SHORT,
-    START_OFF,
     STAYS,
     UNSEEN,
     ZERO,
     Seen,
-    doubt,
+    contradicts,
     is_better,
     is_far,
     middle,
-    off,
     put_right,
+    variance_doubted,
     way_back,
 )
 from .stamps import steps
@@ -201,7 +200,10 @@ def guessed(
 
 
 def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, dt: float) -> State:
-    """Take one sample of all sensors, ``dt`` s after the last; 0 starts anew (eq. 16)."""
+    """Take one sample of all sensors, ``dt`` s after the last; 0 starts anew (eq. 16).
+
+    The second one is the start if it contradicts the first.
+    """
     rotor, last, elapsed, _, pace, learned, past, _, _, seen, earth = state
     (
         sources, alpha, _, _, stateful, normalise, average_start, despike, low_pass, corrects,
@@ -221,26 +223,35 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
     turn = from_rate(turn_rate, dt)
     force, again = accel, 0.0
     if despike:
-        if average_start and elapsed == 0.0 and last.started:
-            north = mag if sources.use_mag and last.heading_known else ZERO
-            if off(product(rotor, turn), accel, north) > START_OFF:
-                dt = 0.0  # one of the two is none
         if 0.0 < dt < STAYS:
+            if average_start and elapsed == 0.0 == earth[1] and last.started:
+                north = mag if sources.use_mag else ZERO
+                if contradicts(predict(rotor, turn), seen, accel, north, earth[2]):
+                    last, span = afresh(last), 0.0
             if span > 0.0 and is_far(rate, last.rate, JUMP_OF_RATE):
                 back = product(way_back(last.rate, seen, rate), turn)
-                if dt < SHORT or is_better(product(rotor, back), product(rotor, turn), accel, mag):
+                clear = max(dt, abs(seen[1])) < SHORT
+                if clear or is_better(
+                    predict(rotor, back), predict(rotor, turn), accel, mag, seen[4]
+                ):
                     turn = back
                 elif learns:
-                    lost += doubt(last.rate, seen, rate)
-            if low_pass and is_far(accel, seen[2], JUMP_OF_FORCE):
+                    lost += variance_doubted(last.rate, seen, rate)
+            if low_pass and earth[1] > 0.0 and is_far(accel, seen[2], JUMP_OF_FORCE):
                 accel = put_right(seen, turn, accel)
                 if accel != force:
                     again = dt  # the start may have taken it whole
         # What a start takes is in no low-pass, and nothing has turned by it.
-        seen = (last.rate, span, force, seen[2]) if dt > 0.0 else (last.rate, 0.0, ZERO, ZERO)
+        seen = (
+            (last.rate, span, force, seen[2], earth[2])
+            if dt > 0.0
+            else (last.rate, 0.0, ZERO, ZERO, ZERO)
+        )
     if lost > 0.0 and alpha < 1.0 and gains.alpha_heading < 1.0:
         mean, time, field = earth
-        earth = (mean, left_of(time, lost), ZERO if lost > MUCH_LOST else field)
+        if lost > MUCH_LOST:
+            field = ZERO  # the next may be anywhere
+        earth = (mean, left_of(time, lost), field)
         elapsed = left_of(min(elapsed, AVERAGED), lost)
     predicted = predict(rotor, turn)
     if dt != pace[0]:
