@@ -417,8 +417,8 @@ static double compared(Field *f, double norm, double dip, double north, double h
         share = smaller(1.0, motion / SURPRISE_TIME);
         f->surprise = around(f->surprise + share * around(north - f->surprise));
         /* What a field that is off says it says as a whole, and not anew in each window. */
-        double is_far = (off - NEARLY_FAR) / (CANDIDATE_FAR - NEARLY_FAR);
-        trust /= squared(1.0 + smaller(1.0, larger(0.0, is_far)) * f->candidate_age / REPEATS);
+        double repeats = (off - NEARLY_FAR) / (CANDIDATE_FAR - NEARLY_FAR);
+        trust /= squared(1.0 + smaller(1.0, larger(0.0, repeats)) * f->candidate_age / REPEATS);
         if (another) f->rival += squared(f->surprise) * odds(f->candidate_age, f->reference_age);
     }
     f->last = norm;

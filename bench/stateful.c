@@ -361,7 +361,7 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
         turn_rate = middle(before, turn_rate), span = -dt;
     }
     Rotor turn = from_rate(turn_rate, dt), change = IDENTITY, rotor;
-    double again = 0.0;
+    double undone = 0.0;
     if (0.0 < dt && dt < STAYS) {
         if (s->elapsed == 0.0 && s->earth.time == 0.0 && senses->started
             && contradicts(product(s->rotor, turn), &s->seen, accel, mag, s->earth.field))
@@ -377,7 +377,7 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
         }
         if (s->earth.time > 0.0 && is_far(accel, s->seen.force, JUMP_OF_FORCE)) {
             accel = put_right(&s->seen, turn, accel);
-            if (square(minus(accel, force)) != 0.0) again = dt; /* the start took it whole */
+            if (square(minus(accel, force)) != 0.0) undone = dt; /* a start may have it */
         }
     }
     /* What a start takes is in no low-pass, and nothing has turned by it. */
@@ -392,8 +392,8 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
     if (dt != s->pace.dt) s->pace = paced(gains, dt);
     Pace pace = s->pace;
     int starts = dt <= 0.0 || !senses->started, begins = 0;
-    if (s->elapsed < AVERAGED + again && !starts)
-        pace.weight = at_start(pace.weight, s->elapsed - again, dt);
+    if (s->elapsed < AVERAGED + undone && !starts)
+        pace.weight = at_start(pace.weight, s->elapsed - undone, dt);
     s->elapsed += dt;
     if (!starts) {
         if (s->past.time < WINDOW) nudge = times(0.5 * dt, learned->drift);

@@ -22,7 +22,7 @@ YOUNG = 20.0  # s in which the reference is the mean of all
 # Another field that stays while the sensor turns takes the place of the reference.
 UNTRIED = 2.0  # s of motion in which a reference is hardly binding
 CANDIDATE_SPREAD = 9.0  # (3 σ)²
-NEARLY_FAR = 12.0  # (3.5 σ)²
+NEARLY_FAR = 12.0  # (3.46 σ)²: from here to the next what it says counts less and less
 CANDIDATE_FAR = 16.0  # (4 σ)²
 CANDIDATE_AGE = 1.0  # s of motion, at least
 OLDEST = 40.0  # s of motion
@@ -139,8 +139,8 @@ def compared(
         surprise = around(field.surprise + share * around(north - field.surprise))
         if weigh:
             # What a field that is off says it says as a whole, and not anew in each window.
-            is_far = (off - NEARLY_FAR) / (CANDIDATE_FAR - NEARLY_FAR)
-            trust /= (1.0 + min(1.0, max(0.0, is_far)) * candidate_age / REPEATS) ** 2
+            repeats = (off - NEARLY_FAR) / (CANDIDATE_FAR - NEARLY_FAR)
+            trust /= (1.0 + min(1.0, max(0.0, repeats)) * candidate_age / REPEATS) ** 2
         if another:
             rival += surprise**2 * odds(candidate_age, reference_age)
     field = Field(

@@ -17,7 +17,7 @@ MISSING = 3.0  # of the last step: a longer one is a gap
 OF_RATE = 0.3  # of the rates at its ends: how far (standard deviation) that between is off
 AT_REST = 0.1  # rad/s: likewise where the sensor rests before and after
 SURE = 0.05  # rad² s: variance of a mean of snapshots, times the time that it is of
-MUCH_LOST = 0.003  # rad²: the slow room should know of it at once
+MUCH_LOST = 0.003  # rad²: the slow room should know at once, and the last field be forgotten
 
 
 def is_gap(dt: float, last: float) -> bool:

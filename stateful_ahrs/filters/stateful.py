@@ -221,7 +221,7 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
             last, learned, past, rate, turn_rate, gyro_rejected, dt
         )
     turn = from_rate(turn_rate, dt)
-    force, again = accel, 0.0
+    force, undone = accel, 0.0
     if despike:
         if 0.0 < dt < STAYS:
             if average_start and elapsed == 0.0 == earth[1] and last.started:
@@ -240,7 +240,7 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
             if low_pass and earth[1] > 0.0 and is_far(accel, seen[2], JUMP_OF_FORCE):
                 accel = put_right(seen, turn, accel)
                 if accel != force:
-                    again = dt  # the start may have taken it whole
+                    undone = dt  # s: the start may have taken whole what this undoes
         # What a start takes is in no low-pass, and nothing has turned by it.
         seen = (
             (last.rate, span, force, seen[2], earth[2])
@@ -258,8 +258,8 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
         pace = paced(gains, dt)
     _, weight, tilt_rate = pace
     starts = dt <= 0.0 or not last.started
-    if average_start and elapsed < AVERAGED + again and not starts:
-        weight = at_start(gains, weight, elapsed - again, dt)
+    if average_start and elapsed < AVERAGED + undone and not starts:
+        weight = at_start(gains, weight, elapsed - undone, dt)
     elapsed += dt
     begins = False
     if turns and not starts:
