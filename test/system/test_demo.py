@@ -80,17 +80,17 @@ def test_of_a_bag_every_sample_is_used_and_its_end_ends_the_demo():
 
 
 @pytest.mark.parametrize(
-    ("first", "moved", "duration", "reason"),
+    ("bag", "first", "moved", "duration", "reason"),
     [
-        (949, 0, "1", "no ground truth came before the end"),  # it is 9.5 s late
-        (900, 1, "30", "no orientation has the stamp of any of 50 ground truths"),
-        (950, 0, "1", "the bag has no topic ground_truth"),
+        ("turns", 949, 0, "1", "no ground truth came before the end"),  # it is 9.5 s late
+        ("short", 50, 1, "30", "no orientation has the stamp of any of 50 ground truths"),
+        ("turns", 950, 0, "1", "the bag has no topic ground_truth"),
     ],
 )
 def test_an_error_that_cannot_be_told_is_said_with_the_reason(
-    tmp_path: Path, first: int, moved: int, duration: str, reason: str
+    tmp_path: Path, bag: str, first: int, moved: int, duration: str, reason: str
 ):
-    whole = load(BAGS / "turns")
+    whole = load(BAGS / bag)
     known = whole.reference[first:]
     stamps = whole.reference_stamps[first:] + moved
     reference = {"reference": known, "reference_stamps": stamps} if len(known) else {}

@@ -17,7 +17,9 @@ def test_a_bag_is_followed_to_its_end(graph: Graph) -> None:
     scenarios.a_bag_is_followed_to_its_end(
         graph,
         lambda: graph.start(
-            "bag_player", str(scenarios.TURNS), "--subscribers", "3", "--wait", "20"
+            "bag_player",
+            str(scenarios.TURNS),
+            *("--subscribers", "3", "--wait", "20", "--rate", "4"),
         ),
     )
 
