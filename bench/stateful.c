@@ -365,10 +365,10 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
     if (0.0 < dt && dt < STAYS) {
         if (s->elapsed == 0.0 && s->earth.time == 0.0 && senses->started
             && contradicts(product(s->rotor, turn), &s->seen, accel, mag, s->earth.field))
-            senses->started = senses->heading_known = 0, span = 0.0;
+            senses->started = senses->heading_known = 0, senses->mag_age = INFINITY, span = 0.0;
         if (span > 0.0 && is_far(rate, last, JUMP_OF_RATE)) {
             Rotor back = product(way_back(last, &s->seen, rate), turn);
-            if (larger(dt, fabs(s->seen.span)) < SHORT
+            if ((larger(dt, fabs(s->seen.span)) < SHORT && s->elapsed > STAYS)
                 || is_better(product(s->rotor, back), product(s->rotor, turn), accel, mag,
                              s->seen.field))
                 turn = back;

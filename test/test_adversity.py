@@ -108,6 +108,17 @@ def test_a_bad_sample_among_the_first_two_is_no_start(rate, sensor, row, six_axe
             assert harmed(samples, sensor, row, times * direction) < 6.0, (direction, times)
 
 
+@pytest.mark.parametrize("rate", [20, 50, 100])
+@pytest.mark.parametrize("each", [1, 2, 5])
+@pytest.mark.parametrize("row", [1, 2, 3, 4])
+def test_a_bad_rate_among_the_first_is_put_right_however_seldom_the_field_is(rate, each, row):
+    samples, _ = recording(3.0, rate)
+    samples.mag[np.arange(len(samples)) % each > 0] = math.nan
+    for direction in np.random.default_rng(row).normal(size=(20, 3)):
+        for times in (3.0, 30.0, 150.0):
+            assert harmed(samples, "gyro", row, times * direction) < 16.0, (direction, times)
+
+
 SELDOM = (20, 25, 33, 40, 50)  # Hz
 
 

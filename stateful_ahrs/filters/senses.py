@@ -171,13 +171,13 @@ def look(
 
 
 def afresh(senses: Senses) -> Senses:
-    """As before a start, but for the counts and the last magnetic field."""
+    """As before a start, but for the counts. The last turn may be none, so no field is carried on."""
     (
-        rate, mag, mag_age, _, _, turned, sign_corrections, gyro_rejected, accel_rejected,
+        rate, mag, _, _, _, turned, sign_corrections, gyro_rejected, accel_rejected,
         mag_rejected,
     ) = senses  # fmt: skip
     return Senses(
-        rate, mag, mag_age, False, False, turned, sign_corrections, gyro_rejected, accel_rejected,
+        rate, mag, math.inf, False, False, turned, sign_corrections, gyro_rejected, accel_rejected,
         mag_rejected,
     )  # fmt: skip
 

@@ -230,7 +230,8 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
                     last, span = afresh(last), 0.0
             if span > 0.0 and is_far(rate, last.rate, JUMP_OF_RATE):
                 back = product(way_back(last.rate, seen, rate), turn)
-                clear = max(dt, abs(seen[1])) < SHORT
+                # A start takes so much of each sample that it has taken back much itself.
+                clear = max(dt, abs(seen[1])) < SHORT and elapsed > STAYS
                 if clear or is_better(
                     predict(rotor, back), predict(rotor, turn), accel, mag, seen[4]
                 ):
