@@ -171,7 +171,7 @@ def look(
 
 
 def afresh(senses: Senses) -> Senses:
-    """As before a start, but for the counts. The last turn may be none, so no field is carried on."""
+    """As before a start, but for the counts; no field is carried by a turn that may be none."""
     (
         rate, mag, _, _, _, turned, sign_corrections, gyro_rejected, accel_rejected,
         mag_rejected,
