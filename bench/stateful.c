@@ -39,7 +39,7 @@ static const double SHORT = 0.022, STAYS = 0.25; /* s */
 static const double BETTER = 0.25, START_OFF = 0.03; /* of misfits */
 
 /* The rate before the last, the time that the last turned for (negative where the mean of both did),
-   the last force, the one before. */
+   the last force, the one before, the field before the last (earth frame). */
 typedef struct { Vector rate; double span; Vector force, force_before, field; } Seen;
 
 static Vector middle(Vector u, Vector v) { return times(0.5, total(u, v)); }
