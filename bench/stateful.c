@@ -162,8 +162,10 @@ static inline Rotor uprighted(Vector up, double part)
     double level = up.x * up.x + up.y * up.y;
     if (up.z > WEAKEST && level < NEARLY_UPRIGHT * up.z * up.z) {
         double s = 0.5 / up.z, q = s * s * level;
-        s *= part * (1.0 - q * (1.5 - 3.875 * q));
-        return (Rotor){1.0 - part * q * (0.5 - 1.375 * q), s * up.y, -s * up.x, 0.0};
+        double series = 1.0 - q * (1.5 - 3.875 * q);
+        s *= part;
+        return (Rotor){1.0 - part * q * (0.5 - 1.375 * q), s * up.y * series, -s * up.x * series,
+                       0.0};
     }
     double length = sqrt(level + up.z * up.z);
     if (!(length > WEAKEST)) return IDENTITY;

@@ -155,8 +155,9 @@ def uprighted(up: Vector, part: float) -> Rotor:
     if z > WEAKEST and level < NEARLY_UPRIGHT * z * z:
         s = 0.5 / z
         q = s * s * level
-        s *= part * (1.0 - q * (1.5 - 3.875 * q))
-        return (1.0 - part * q * (0.5 - 1.375 * q), s * y, -s * x, 0.0)
+        s *= part
+        series = 1.0 - q * (1.5 - 3.875 * q)  # last, as all else can be had before it
+        return (1.0 - part * q * (0.5 - 1.375 * q), s * y * series, -s * x * series, 0.0)
     length = math.sqrt(level + z * z)
     if not length > WEAKEST:
         return IDENTITY
