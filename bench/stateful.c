@@ -36,7 +36,9 @@ static const double JUMP_OF_RATE = 4.0; /* rad/s */
 static const double JUMP_OF_FORCE = 30.0; /* m/s^2 */
 static const double ALIKE = 1.0 / 16.0; /* of the square of the jump */
 static const double SHORT = 0.022, STAYS = 0.25; /* s */
-static const double BETTER = 0.25, START_OFF = 0.03; /* of misfits */
+static const double BETTER = 0.25; /* of a misfit */
+static const double ABRUPT = 400.0; /* rad/s^2 */
+static const double UPRIGHT = 0.97029572627599647; /* cos 14 degrees */
 
 /* The rate before the last, the time that the last turned for (negative where the mean of both did),
    the last force, the one before, the field before the last (earth frame). */
@@ -55,21 +57,28 @@ static Vector to_neighbours(Vector last, Vector before, Vector after, double jum
     return times(0.5, total(one, other));
 }
 
-/* What takes back the last turn if its rate was none; else the identity. */
-static Rotor way_back(Vector last, const Seen *seen, Vector rate)
+/* What takes back the last turn, whose rate was `knock` off. */
+static Rotor way_back(Vector last, const Seen *seen, Vector knock)
 {
-    Vector meant = total(last, to_neighbours(last, seen->rate, rate, JUMP_OF_RATE));
+    Vector meant = total(last, knock);
     double span = seen->span;
     if (span < 0.0)
         span = -span, last = middle(seen->rate, last), meant = middle(seen->rate, meant);
     return product(conjugate(from_rate(last, span)), from_rate(meant, span));
 }
 
-/* Variance of the last turn, as its rate may have been none; else 0. */
-static double variance_doubted(Vector last, const Seen *seen, Vector rate)
+/* Whether no motion comes and goes so in two steps: of a rate that is `knock` off. */
+static int is_abrupt(Vector knock, double dt, const Seen *seen)
+{
+    double longest = larger(dt, fabs(seen->span));
+    return longest < SHORT || square(knock) > squared(ABRUPT * longest);
+}
+
+/* Variance of the last turn, as its rate may have been `knock` off. */
+static double variance_doubted(const Seen *seen, Vector knock)
 {
     double span = seen->span < 0.0 ? 0.5 * seen->span : seen->span;
-    return span * span * square(to_neighbours(last, seen->rate, rate, JUMP_OF_RATE));
+    return span * span * square(knock);
 }
 
 /* How far up and `field` are off by a rotor: 1 - cos of both, 0 for what is not there. */
@@ -94,11 +103,11 @@ static int is_better(Rotor rotor, Rotor other, Vector accel, Vector mag, Vector 
     return misfit(rotor, accel, mag, field) < BETTER * misfit(other, accel, mag, field);
 }
 
-/* Whether a sample shows that the start was none; not three times in a row. */
-static int contradicts(Rotor rotor, const Seen *seen, Vector accel, Vector mag, Vector field)
+/* Whether gravity shows that the start was none; not three times in a row. */
+static int contradicts(Rotor rotor, const Seen *seen, Vector accel)
 {
     return square(seen->force_before) == 0.0 && usable(accel)
-        && misfit(rotor, accel, mag, field) > START_OFF;
+        && rotate(rotor, accel).z < UPRIGHT * sqrt(square(accel));
 }
 
 /* The force that undoes in a low-pass, which is linear, what the last did if it was none. */
@@ -138,11 +147,13 @@ static double left_of(double time, double lost) { return time / (1.0 + time * lo
 
 /* correction.py */
 static const double NEARLY_UPRIGHT = 0.01, FAR = 0.999, MUCH = 0.9, UPSIDE_DOWN = 1e-3;
+static const double AGREEING = 0.97029572627599647; /* cos 14 degrees */
+static const int FIRST_HEADING = 3;
 
 typedef struct {
     Vector rate, mag; /* the last good ones */
     double mag_age;
-    int started, heading_known, turned;
+    int started, heading_known, turned; /* heading_known counts down from FIRST_HEADING to 1 */
     long sign_corrections, gyro_rejected, accel_rejected, mag_rejected;
 } Senses;
 
@@ -216,10 +227,16 @@ static inline Rotor corrected(Senses *senses, Earth *earth, const Learned *learn
             field = slightly(change, field);
         double level = field.x * field.x + field.y * field.y;
         fresh = level > LEVEL * LEVEL * (level + field.z * field.z) /* else it is along gravity */
-             && !is_glitch(field, earth->field, senses->mag_age, dt);
+             && (senses->heading_known > 1 || !is_glitch(field, earth->field, senses->mag_age, dt));
         if (fresh) {
             double length = sqrt(level), north = field.x / length, west = field.y / length;
-            *first = !senses->heading_known;
+            if (senses->heading_known > 1) {
+                *first = north < AGREEING;
+                senses->heading_known = *first ? senses->heading_known - 1 : 1;
+                senses->mag_rejected += *first; /* the one before it */
+            } else if (!senses->heading_known) {
+                *first = 1, senses->heading_known = FIRST_HEADING;
+            }
             if (*first) {
                 moved = 1;
                 change = turned_north(IDENTITY, north, west, 1.0);
@@ -229,7 +246,7 @@ static inline Rotor corrected(Senses *senses, Earth *earth, const Learned *learn
                 moved |= part > 1.0 - MUCH;
                 change = turned_north(change, north, west, part);
             }
-            senses->heading_known = 1, senses->mag = mag, senses->mag_age = 0.0;
+            senses->mag = mag, senses->mag_age = 0.0;
             earth->field = field;
         }
     }
@@ -247,7 +264,7 @@ static inline Rotor corrected(Senses *senses, Earth *earth, const Learned *learn
 }
 
 /* senses.py */
-static const double FASTEST = 1e3; /* rad/s; no gyroscope measures more */
+static const double FASTEST = 350.0; /* rad/s; no gyroscope measures more */
 
 /* Whether there is an attitude to start with, and which, in the sign of `predicted`. */
 static int look(Senses *senses, Rotor turn, Vector accel, Vector mag, Rotor predicted, double dt,
@@ -262,7 +279,7 @@ static int look(Senses *senses, Rotor turn, Vector accel, Vector mag, Rotor pred
     if (has_up && fresh && !found) fresh = 0, senses->mag_rejected++; /* along gravity */
     senses->mag = fresh ? mag : last;
     if (fresh) senses->mag_age = 0.0;
-    senses->heading_known = found;
+    senses->heading_known = found ? FIRST_HEADING : 0;
     if (has_up && !found) {
         Vector north = senses->started ? carried(unit(predicted), NORTH) : NORTH;
         found = dcm(accel, north, snapshot) || dcm(accel, UP, snapshot);
@@ -366,20 +383,26 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
     double undone = 0.0;
     if (0.0 < dt && dt < STAYS) {
         if (s->elapsed == 0.0 && s->earth.time == 0.0 && senses->started
-            && contradicts(product(s->rotor, turn), &s->seen, accel, mag, s->earth.field))
+            && contradicts(product(s->rotor, turn), &s->seen, accel)) {
             senses->started = senses->heading_known = 0, senses->mag_age = INFINITY, span = 0.0;
-        if (span > 0.0 && is_far(rate, last, JUMP_OF_RATE)) {
-            Rotor back = product(way_back(last, &s->seen, rate), turn);
-            if ((larger(dt, fabs(s->seen.span)) < SHORT && s->elapsed > STAYS)
+            senses->accel_rejected++;
+        }
+        Vector knock = ZERO;
+        if (span > 0.0 && is_far(rate, last, JUMP_OF_RATE))
+            knock = to_neighbours(last, s->seen.rate, rate, JUMP_OF_RATE);
+        if (square(knock) > 0.0) {
+            Rotor back = product(way_back(last, &s->seen, knock), turn);
+            if ((s->elapsed > STAYS && is_abrupt(knock, dt, &s->seen))
                 || is_better(product(s->rotor, back), product(s->rotor, turn), accel, mag,
                              s->seen.field))
-                turn = back;
+                turn = back, senses->gyro_rejected++;
             else
-                lost += variance_doubted(last, &s->seen, rate);
+                lost += variance_doubted(&s->seen, knock);
         }
         if (s->earth.time > 0.0 && is_far(accel, s->seen.force, JUMP_OF_FORCE)) {
             accel = put_right(&s->seen, turn, accel);
-            if (square(minus(accel, force)) != 0.0) undone = dt; /* a start may have it */
+            if (square(minus(accel, force)) != 0.0) /* a start may have it */
+                undone = dt, senses->accel_rejected++;
         }
     }
     /* What a start takes is in no low-pass, and nothing has turned by it. */

@@ -21,11 +21,12 @@ import math
 from ..rotor import IDENTITY, Rotor, Vector, rotate, slightly
 from .gains import Gains, part_of_heading
 from .learning import LEVEL, LOW_PASS, Learned
-from .senses import UP, WEAKEST, Senses, heard, usable
+from .senses import FIRST_HEADING, UP, WEAKEST, Senses, heard, usable
 from .spikes import ZERO, is_glitch
 
 NEARLY_UPRIGHT = 0.01  # square of the tangent of the angle to the vertical
 FAR = 0.999  # square of a rotor's length: below it, one between two others is made a unit again
+AGREEING = math.cos(math.radians(14.0))  # of the angle between two first headings
 MUCH = 0.9  # a smaller weight of the gyroscope path takes much of the snapshot
 UPSIDE_DOWN = 1e-3  # less than this of up above the opposite of the vertical tells no axis
 
@@ -58,7 +59,7 @@ def corrected(
     turn (rad) besides, and ``elapsed`` the time since the start. Returns
 
     - what is remembered from now on, of the samples and in the earth frame;
-    - whether this is the first heading, which is taken whole;
+    - whether this is the first heading, which is taken whole, or one in place of it;
     - the turn of ``predicted``, about axes of the earth: a unit rotor but for the blend.
     """
     (
@@ -99,7 +100,7 @@ def corrected(
                 x, y, z = slightly(change, (x, y, z))
             level = x * x + y * y
             fresh = level > LEVEL * LEVEL * (level + z * z)  # else it is along gravity
-            if fresh and gains.despike:
+            if fresh and gains.despike and heading_known <= 1:
                 fresh = not is_glitch((x, y, z), field, mag_age, dt)
         if not fresh:
             mag_rejected += 1
@@ -108,13 +109,19 @@ def corrected(
             last_mag = mag
             if gains.sources.use_mag:
                 length = math.sqrt(level)
-                if heading_known:
+                if heading_known > 1:
+                    first = gains.despike and x < AGREEING * length
+                    heading_known = heading_known - 1 if first else 1
+                    mag_rejected += first  # the one before it
+                elif heading_known == 0:
+                    first, heading_known = True, FIRST_HEADING
+                if not first:
                     span = max(dt, min(mag_age, gains.sources.mag_timeout))
                     part = part_of_heading(gains, learned, tilt_rate, elapsed, span)
                     moved = moved or part > 1.0 - MUCH
                     change = turned_north(change, x / length, y / length, part)
                 else:
-                    first = heading_known = moved = True
+                    moved = True
                     change = turned_north(IDENTITY, x / length, y / length, 1.0)
             mag_age = 0.0
     if not first:

@@ -25,8 +25,9 @@ from ..snapshot.dcm import dcm
 from .settings import NORTH, Settings
 
 UP: Vector = (0.0, 0.0, 1.0)
-FASTEST = 1e3  # rad/s; no gyroscope measures more
+FASTEST = 350.0  # rad/s; no gyroscope measures more
 WEAKEST, STRONGEST = 0.05, 400.0  # m/s²: free fall has no up, and 40 g are no acceleration
+FIRST_HEADING = 3  # of `heading_known`: it may be given up twice
 
 
 class Senses(NamedTuple):
@@ -36,7 +37,7 @@ class Senses(NamedTuple):
     mag: Vector = NORTH  # the last good one, carried along by the gyroscope (but in `correction`)
     mag_age: float = math.inf  # s
     started: bool = False  # tilt is known
-    heading_known: bool = False  # a magnetometer has told north since the start
+    heading_known: int = 0  # since the start; 1 more than how often it may be given up still
     turned: bool = False  # the snapshot's own sign is the opposite of the filter's
     sign_corrections: int = 0  # how often that changed: the jumps of a stateless rotor
     gyro_rejected: int = 0
@@ -115,7 +116,8 @@ def look(
         mag_rejected,
     ) = senses  # fmt: skip
     starts = dt <= 0.0 or not started
-    heading_known = heading_known and dt > 0.0
+    if dt <= 0.0:
+        heading_known = 0
 
     mag_age = mag_age + dt if dt > 0.0 else math.inf  # it told another time's heading
     fresh = heard(mag)
@@ -128,7 +130,7 @@ def look(
 
     from_mag, rotor = False, IDENTITY
     if has_up and sources.use_mag and (fresh or mag_age <= sources.mag_timeout):
-        if starts or heading_known:
+        if starts or heading_known > 0:
             from_mag, rotor = snapshot(accel, field)
         else:  # the first heading leaves the tilt alone
             from_mag, rotor = snapshot(carried(unit(predicted), UP), field)
@@ -136,7 +138,9 @@ def look(
             fresh = False
             mag_rejected += 1
             field = carried(turn, last_mag)
-    begins = starts or (from_mag and not heading_known)
+    begins = starts or (from_mag and heading_known == 0)
+    if from_mag:
+        heading_known = FIRST_HEADING if begins else 1
     if fresh:
         mag_age = 0.0
     found = from_mag
@@ -160,7 +164,7 @@ def look(
         field,
         mag_age,
         found or (started and dt > 0.0),
-        heading_known or from_mag,
+        heading_known,
         turned,
         sign_corrections,
         gyro_rejected,
@@ -171,14 +175,26 @@ def look(
 
 
 def afresh(senses: Senses) -> Senses:
-    """As before a start, but for the counts; no field is carried by a turn that may be none."""
+    """As before a start, which is rejected; no field is carried by a turn that may be none."""
     (
         rate, mag, _, _, _, turned, sign_corrections, gyro_rejected, accel_rejected,
         mag_rejected,
     ) = senses  # fmt: skip
     return Senses(
-        rate, mag, math.inf, False, False, turned, sign_corrections, gyro_rejected, accel_rejected,
+        rate, mag, math.inf, False, 0, turned, sign_corrections, gyro_rejected, accel_rejected + 1,
         mag_rejected,
+    )  # fmt: skip
+
+
+def without_last_force(senses: Senses) -> Senses:
+    """As before, but that the last force is counted as rejected."""
+    (
+        rate, mag, mag_age, started, heading_known, turned, sign_corrections, gyro_rejected,
+        accel_rejected, mag_rejected,
+    ) = senses  # fmt: skip
+    return Senses(
+        rate, mag, mag_age, started, heading_known, turned, sign_corrections, gyro_rejected,
+        accel_rejected + 1, mag_rejected,
     )  # fmt: skip
 
 
@@ -190,7 +206,7 @@ def without_mag(senses: Senses, felt: Felt, accel: Vector) -> Senses:
         senses.mag,
         math.inf,
         senses.started or has_up,
-        False,
+        0,
         False,
         0,
         felt[2],

@@ -22,7 +22,8 @@ JUMP_OF_FORCE = 30.0  # m/s²
 ALIKE = 1.0 / 16.0  # of the square of the jump: how near the two neighbours are
 SHORT = 0.022  # s: in longer steps a motion may well turn and turn back
 BETTER = 0.25  # of a misfit: half of the angle
-START_OFF = 0.03  # likewise: 1 − cos 14°
+ABRUPT = 400.0  # rad/s²: in no motion does a rate come and go as fast
+UPRIGHT = math.cos(math.radians(14.0))  # of the angle between two starts
 STAYS = 0.25  # s: after as long nothing is a glitch
 
 
@@ -42,21 +43,52 @@ def is_far(u: Vector, v: Vector, jump: float) -> bool:
     return x * x + y * y + z * z > jump * jump
 
 
-def way_back(last: Vector, seen: Seen, rate: Vector) -> Rotor:
-    """What takes back the last turn if its rate (rad/s) was none; else the identity."""
+def judged(
+    rotor: Rotor,
+    turn: Rotor,
+    rate: Vector,
+    last: Vector,
+    seen: Seen,
+    accel: Vector,
+    mag: Vector,
+    elapsed: float,
+    dt: float,
+) -> tuple[Rotor, int, float]:
+    """What becomes of a step that turns ``rotor`` where the last rate (rad/s) may have been none.
+
+    Returns the turn, which takes back the last one or not; whether it does; and the variance
+    (rad²) of the last one where that stays open.
+    """
+    knock = to_neighbours(last, seen[0], rate, JUMP_OF_RATE)
+    if knock == ZERO:
+        return turn, 0, 0.0
+    back = product(way_back(last, seen, knock), turn)
+    # A start takes so much of each sample that it has taken back much itself.
+    clear = elapsed > STAYS and is_abrupt(knock, dt, seen)
+    if clear or is_better(product(rotor, back), product(rotor, turn), accel, mag, seen[4]):
+        return back, 1, 0.0
+    return turn, 0, variance_doubted(seen, knock)
+
+
+def way_back(last: Vector, seen: Seen, knock: Vector) -> Rotor:
+    """What takes back the last turn, whose rate (rad/s) was ``knock`` off."""
     before, span, _, _, _ = seen
-    meant = total(last, to_neighbours(last, before, rate, JUMP_OF_RATE))
+    meant = total(last, knock)
     if span < 0.0:
         span, last, meant = -span, middle(before, last), middle(before, meant)
     return product(conjugate(from_rate(last, span)), from_rate(meant, span))
 
 
-def variance_doubted(last: Vector, seen: Seen, rate: Vector) -> float:
-    """Variance (rad²) of the last turn, as its rate (rad/s) may have been none; else 0."""
-    before, span, _, _, _ = seen
-    if span < 0.0:
-        span *= 0.5
-    return span * span * square(to_neighbours(last, before, rate, JUMP_OF_RATE))
+def is_abrupt(knock: Vector, dt: float, seen: Seen) -> bool:
+    """Whether no motion comes and goes so in two steps: of a rate that is ``knock`` off (rad/s)."""
+    longest = max(dt, abs(seen[1]))
+    return longest < SHORT or square(knock) > square((ABRUPT * longest, 0.0, 0.0))
+
+
+def variance_doubted(seen: Seen, knock: Vector) -> float:
+    """Variance (rad²) of the last turn, as its rate may have been ``knock`` off (rad/s)."""
+    span = seen[1] if seen[1] > 0.0 else 0.5 * seen[1]
+    return span * span * square(knock)
 
 
 def is_better(rotor: Rotor, other: Rotor, accel: Vector, mag: Vector, field: Vector) -> bool:
@@ -64,10 +96,12 @@ def is_better(rotor: Rotor, other: Rotor, accel: Vector, mag: Vector, field: Vec
     return misfit(rotor, accel, mag, field) < BETTER * misfit(other, accel, mag, field)
 
 
-def contradicts(rotor: Rotor, seen: Seen, accel: Vector, mag: Vector, field: Vector) -> bool:
-    """Whether a sample shows that the start was none; not three times in a row. See `misfit`."""
-    again = seen[3] != ZERO
-    return not again and usable(accel) and misfit(rotor, accel, mag, field) > START_OFF
+def contradicts(rotor: Rotor, seen: Seen, accel: Vector) -> bool:
+    """Whether gravity shows that the start was none; not three times in a row."""
+    if seen[3] != ZERO or not usable(accel):
+        return False
+    up = rotate(rotor, accel)
+    return up[2] < UPRIGHT * math.sqrt(square(up))
 
 
 def misfit(rotor: Rotor, accel: Vector, mag: Vector, field: Vector) -> float:

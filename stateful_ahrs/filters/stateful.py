@@ -84,24 +84,21 @@ from .learning import (
     start_anew,
 )
 from .samples import Array, Samples
-from .senses import Senses, afresh, held, look, usable
+from .senses import Senses, afresh, held, look, usable, without_last_force
 from .settings import DEFAULTS, Known
 from .settings import Settings as Settings
 from .spikes import (
     JUMP_OF_FORCE,
     JUMP_OF_RATE,
-    SHORT,
     STAYS,
     UNSEEN,
     ZERO,
     Seen,
     contradicts,
-    is_better,
     is_far,
+    judged,
     middle,
     put_right,
-    variance_doubted,
-    way_back,
 )
 from .stamps import steps
 
@@ -224,24 +221,21 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
     force, undone = accel, 0.0
     if despike:
         if 0.0 < dt < STAYS:
-            if average_start and elapsed == 0.0 == earth[1] and last.started:
-                north = mag if sources.use_mag else ZERO
-                if contradicts(predict(rotor, turn), seen, accel, north, earth[2]):
-                    last, span = afresh(last), 0.0
+            second = average_start and elapsed == 0.0 == earth[1] and last.started
+            if second and contradicts(predict(rotor, turn), seen, accel):
+                last, span = afresh(last), 0.0
             if span > 0.0 and is_far(rate, last.rate, JUMP_OF_RATE):
-                back = product(way_back(last.rate, seen, rate), turn)
-                # A start takes so much of each sample that it has taken back much itself.
-                clear = max(dt, abs(seen[1])) < SHORT and elapsed > STAYS
-                if clear or is_better(
-                    predict(rotor, back), predict(rotor, turn), accel, mag, seen[4]
-                ):
-                    turn = back
-                elif learns:
-                    lost += variance_doubted(last.rate, seen, rate)
+                turn, taken_back, doubt = judged(
+                    rotor, turn, rate, last.rate, seen, accel, mag, elapsed, dt
+                )
+                gyro_rejected += taken_back
+                if learns:
+                    lost += doubt
             if low_pass and earth[1] > 0.0 and is_far(accel, seen[2], JUMP_OF_FORCE):
                 accel = put_right(seen, turn, accel)
                 if accel != force:
                     undone = dt  # s: the start may have taken whole what this undoes
+                    last = without_last_force(last)
         # What a start takes is in no low-pass, and nothing has turned by it.
         seen = (
             (last.rate, span, force, seen[2], earth[2])
@@ -445,12 +439,14 @@ def run(
 
 @cache
 def runner() -> Callable[..., Any]:
-    """`run`, compiled into one function but for the slow room, which is long and seldom called."""
+    """`run`, compiled into one function but for what is long and seldom called."""
     window, memory = Window(0, ZERO, ZERO, 0.0, 0.0, False, 0.0), np.zeros(SIZE)
     once = packed(measure, memory, 1.0, 1.0)  # in one place: else the code would fill the cache
     slow = bind(learn, measure=once, hear=bind(hear, measure=once))
     slow = packed(slow, memory, Room(), Learned(), window, gains(DEFAULTS).chosen)
-    return compiled(bind(run, look_back=bind(look_back, learn=slow)), inline=True, fused=True)
+    rare = packed(judged, IDENTITY, IDENTITY, ZERO, ZERO, UNSEEN, ZERO, ZERO, 1.0, 1.0)
+    often = bind(run, step=bind(step, judged=rare), look_back=bind(look_back, learn=slow))
+    return compiled(often, inline=True, fused=True)
 
 
 def uncorrected(senses: Senses, earth: Earth, *_: object) -> tuple[Senses, Earth, bool, Rotor]:
@@ -530,7 +526,7 @@ class StatefulFilter(KernelFilter):
             self._put(earth=NO_EARTH)
         if gains.learns and not was.learns:  # nobody has watched the attitude: as after a start
             self._room, learned = start_anew(self._memory, self._room, self._state.learned)
-            senses = self._state.senses._replace(heading_known=False)
+            senses = self._state.senses._replace(heading_known=0)
             self._put(learned=learned, past=NO_PAST, row=0.0, due=False)
             self._put(senses=senses, elapsed=0.0)
         self._unit = self._gains.normalise and self._gains.stateful
