@@ -220,18 +220,19 @@ static inline Rotor corrected(Senses *senses, Earth *earth, const Learned *learn
     Rotor change = uprighted(earth->up, 1.0 - pace.weight);
 
     senses->mag_age += dt;
-    int fresh = heard(mag), moved = pace.weight < MUCH;
+    int fresh = heard(mag), glitch = 0, moved = pace.weight < MUCH;
     if (fresh) {
         Vector field = rotate(predicted, mag);
         if (moved) /* then level is where up is now, not where it was predicted */
             field = slightly(change, field);
         double level = field.x * field.x + field.y * field.y;
-        fresh = level > LEVEL * LEVEL * (level + field.z * field.z) /* else it is along gravity */
-             && (senses->heading_known > 1 || !is_glitch(field, earth->field, senses->mag_age, dt));
+        fresh = level > LEVEL * LEVEL * (level + field.z * field.z); /* else it is along gravity */
+        glitch = is_glitch(field, earth->field, senses->mag_age, dt);
+        fresh = fresh && (senses->heading_known > 1 || !glitch);
         if (fresh) {
             double length = sqrt(level), north = field.x / length, west = field.y / length;
             if (senses->heading_known > 1) {
-                *first = north < AGREEING;
+                *first = glitch || north < AGREEING;
                 senses->heading_known = *first ? senses->heading_known - 1 : 1;
                 senses->mag_rejected += *first; /* the one before it */
             } else if (!senses->heading_known) {

@@ -20,7 +20,7 @@ from stateful_ahrs.filters.samples import Samples
 from stateful_ahrs.filters.spikes import JUMP_OF_RATE
 from stateful_ahrs.mpu9250.motion import MOTIONS, Motion, Turn, X, Z
 from stateful_ahrs.recordings import load
-from stateful_ahrs.rotor import conjugate, rotate
+from stateful_ahrs.rotor import conjugate, euler, rotate
 
 PHIDGETS = Path(__file__).parents[2] / "shared/data/bags/phidgets_imu_upside_down.bag"
 RATE = 100  # Hz, of every recording here
@@ -117,6 +117,78 @@ def test_a_bad_rate_among_the_first_is_put_right_however_seldom_the_field_is(rat
     for direction in np.random.default_rng(row).normal(size=(20, 3)):
         for times in (3.0, 30.0, 150.0):
             assert harmed(samples, "gyro", row, times * direction) < 24.0, (direction, times)
+
+
+FIELDS = 50e-6 * np.random.default_rng(3).normal(size=(8, 3))  # tesla
+
+
+@pytest.mark.parametrize("rate", [25, 100])
+@pytest.mark.parametrize("each", [1, 5, 10])
+@pytest.mark.parametrize("bad", [0, 1, 2])
+def test_a_bad_one_of_the_first_fields_is_put_right_however_seldom_they_are(rate, each, bad):
+    each = min(each, rate // 5)
+    samples, _ = recording(4.0, rate)
+    samples.mag[np.arange(len(samples)) % each > 0] = math.nan
+    for field in FIELDS:
+        assert harmed(samples, "mag", bad * each, tuple(field)) < 4.0, field
+
+
+@pytest.mark.parametrize("late", [0.5, 3.0, 30.0])  # s
+@pytest.mark.parametrize("bad", [0, 1, 2])
+def test_a_bad_one_of_the_first_fields_is_put_right_however_late_they_come(late, bad):
+    samples, _ = recording(late + 4.0, RATE)
+    first = round(late * RATE)
+    samples.mag[:first] = math.nan
+    for field in FIELDS:
+        assert harmed(samples, "mag", first + bad, tuple(field)) < 4.0, field
+
+
+def test_a_first_heading_is_given_up_twice_at_most():
+    f = filters.make("stateful")
+    fields = [(40e-6, 0.0, -20e-6), (0.0, 40e-6, -20e-6)]  # in turns
+    for i in range(10):
+        f.update_mag(fields[i % 2])
+        f.update_imu((0.0, 0.0, 0.0), (0.0, 0.0, G), 0.01 if i else 0.0)
+    # Two headings are given up, and what differs from the third by more than itself is no field.
+    assert f.report.mag_rejected == 2 + 4
+    assert euler(f.rotor)[2] == pytest.approx(0.0, abs=1e-9)
+
+
+# What is taken back is counted
+
+
+@pytest.mark.parametrize(
+    ("row", "sensor", "value", "counted"),
+    [
+        (150, "gyro", (20.0, 0.0, 0.0), (1, 0, 0)),
+        (150, "accel", (90.0, 0.0, 0.0), (0, 1, 0)),
+        (150, "mag", (2e-4, 0.0, 0.0), (0, 0, 1)),
+        (0, "accel", (9.0, 0.0, 0.0), (0, 1, 0)),  # a start
+        (0, "mag", (0.0, 5e-5, 0.0), (0, 0, 1)),  # a first heading
+    ],
+)
+def test_what_is_taken_back_is_counted(row, sensor, value, counted):
+    samples, _ = recording(3.0, RATE, MOTIONS["rest"])
+    getattr(samples, sensor)[row] = value
+    f = filters.make("stateful")
+    f.run(samples)
+    report = f.report
+    assert (report.gyro_rejected, report.accel_rejected, report.mag_rejected) == counted
+
+
+@pytest.mark.parametrize("rate", [25, 40])
+def test_on_six_axes_no_rate_that_no_motion_has_stays(rate):
+    samples, _ = recording(6.0, rate)
+    samples.mag[:] = math.nan
+    for row in range(rate, 4 * rate, 3):
+        assert harmed(samples, "gyro", row, (0.0, 0.0, 30.0)) < 3.0, row
+
+
+def test_no_gyroscope_is_as_fast():
+    f = filters.make("stateful")
+    for i in range(3):
+        f.update_imu((0.0, 400.0 * (i == 1), 0.0), (0.0, 0.0, G), 0.01 if i else 0.0)
+    assert f.report.gyro_rejected == 1
 
 
 SELDOM = (20, 25, 33, 40, 50)  # Hz

@@ -89,7 +89,8 @@ def corrected(
     elif has_up:
         change = uprighted((x, y, z), 1.0 - weight)
 
-    first, moved = False, weight < MUCH
+    first, glitch, moved = False, False, weight < MUCH
+    alone = gains.average_start and heading_known > 1  # one field told north, which may be bad
     mag_age += dt
     x, y, z = mag
     if x == x or y == y or z == z:  # a sample came
@@ -100,8 +101,9 @@ def corrected(
                 x, y, z = slightly(change, (x, y, z))
             level = x * x + y * y
             fresh = level > LEVEL * LEVEL * (level + z * z)  # else it is along gravity
-            if fresh and gains.despike and heading_known <= 1:
-                fresh = not is_glitch((x, y, z), field, mag_age, dt)
+            if fresh and gains.despike:
+                glitch = is_glitch((x, y, z), field, mag_age, dt)
+                fresh = alone or not glitch
         if not fresh:
             mag_rejected += 1
         else:
@@ -109,8 +111,8 @@ def corrected(
             last_mag = mag
             if gains.sources.use_mag:
                 length = math.sqrt(level)
-                if heading_known > 1:
-                    first = gains.despike and x < AGREEING * length
+                if alone:
+                    first = gains.despike and (glitch or x < AGREEING * length)
                     heading_known = heading_known - 1 if first else 1
                     mag_rejected += first  # the one before it
                 elif heading_known == 0:
