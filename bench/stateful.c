@@ -38,7 +38,7 @@ static const double ALIKE = 1.0 / 16.0; /* of the square of the jump */
 static const double SHORT = 0.022, STAYS = 0.25; /* s */
 static const double BETTER = 0.25; /* of a misfit */
 static const double ABRUPT = 400.0; /* rad/s^2 */
-static const double UPRIGHT = 0.97029572627599647; /* cos 14 degrees */
+static const double AGREEING = 0.97029572627599647; /* cos 14 degrees */
 
 /* The rate before the last, the time that the last turned for (negative where the mean of both did),
    the last force, the one before, the field before the last (earth frame). */
@@ -107,7 +107,7 @@ static int is_better(Rotor rotor, Rotor other, Vector accel, Vector mag, Vector 
 static int contradicts(Rotor rotor, const Seen *seen, Vector accel)
 {
     return square(seen->force_before) == 0.0 && usable(accel)
-        && rotate(rotor, accel).z < UPRIGHT * sqrt(square(accel));
+        && rotate(rotor, accel).z < AGREEING * sqrt(square(accel));
 }
 
 /* The force that undoes in a low-pass, which is linear, what the last did if it was none. */
@@ -147,13 +147,12 @@ static double left_of(double time, double lost) { return time / (1.0 + time * lo
 
 /* correction.py */
 static const double NEARLY_UPRIGHT = 0.01, FAR = 0.999, MUCH = 0.9, UPSIDE_DOWN = 1e-3;
-static const double AGREEING = 0.97029572627599647; /* cos 14 degrees */
 static const int FIRST_HEADING = 3;
 
 typedef struct {
     Vector rate, mag; /* the last good ones */
     double mag_age;
-    int started, heading_known, turned; /* heading_known counts down from FIRST_HEADING to 1 */
+    int started, heading_known, turned;
     long sign_corrections, gyro_rejected, accel_rejected, mag_rejected;
 } Senses;
 
@@ -220,26 +219,19 @@ static inline Rotor corrected(Senses *senses, Earth *earth, const Learned *learn
     Rotor change = uprighted(earth->up, 1.0 - pace.weight);
 
     senses->mag_age += dt;
-    int fresh = heard(mag), glitch = 0, moved = pace.weight < MUCH;
+    int fresh = heard(mag), moved = pace.weight < MUCH;
     if (fresh) {
         Vector field = rotate(predicted, mag);
         if (moved) /* then level is where up is now, not where it was predicted */
             field = slightly(change, field);
         double level = field.x * field.x + field.y * field.y;
-        fresh = level > LEVEL * LEVEL * (level + field.z * field.z); /* else it is along gravity */
-        glitch = is_glitch(field, earth->field, senses->mag_age, dt);
-        fresh = fresh && (senses->heading_known > 1 || !glitch);
+        fresh = level > LEVEL * LEVEL * (level + field.z * field.z) /* else it is along gravity */
+             && !is_glitch(field, earth->field, senses->mag_age, dt);
         if (fresh) {
             double length = sqrt(level), north = field.x / length, west = field.y / length;
-            if (senses->heading_known > 1) {
-                *first = glitch || north < AGREEING;
-                senses->heading_known = *first ? senses->heading_known - 1 : 1;
-                senses->mag_rejected += *first; /* the one before it */
-            } else if (!senses->heading_known) {
-                *first = 1, senses->heading_known = FIRST_HEADING;
-            }
+            *first = senses->heading_known <= 0;
             if (*first) {
-                moved = 1;
+                moved = 1, senses->heading_known += FIRST_HEADING;
                 change = turned_north(IDENTITY, north, west, 1.0);
             } else {
                 double span = larger(dt, smaller(senses->mag_age, MAG_TIMEOUT));
@@ -266,6 +258,17 @@ static inline Rotor corrected(Senses *senses, Earth *earth, const Learned *learn
 
 /* senses.py */
 static const double FASTEST = 350.0; /* rad/s; no gyroscope measures more */
+
+/* What is known of a heading that one field told: given up if the next contradicts it. */
+static void confirm(Senses *senses, Earth *earth, Vector mag, Rotor rotor, double dt)
+{
+    Vector found = rotate(rotor, mag);
+    int glitch = is_glitch(found, earth->field, senses->mag_age + dt, dt);
+    if (glitch || found.x < AGREEING * sqrt(found.x * found.x + found.y * found.y))
+        senses->heading_known -= FIRST_HEADING + 1, senses->mag_rejected++, earth->field = ZERO;
+    else
+        senses->heading_known = 1;
+}
 
 /* Whether there is an attitude to start with, and which, in the sign of `predicted`. */
 static int look(Senses *senses, Rotor turn, Vector accel, Vector mag, Rotor predicted, double dt,
@@ -423,6 +426,8 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
     s->elapsed += dt;
     if (!starts) {
         if (s->past.time < WINDOW) nudge = times(0.5 * dt, learned->drift);
+        if (senses->heading_known > 1 && heard(mag))
+            confirm(senses, &s->earth, mag, predicted, dt);
         change = corrected(senses, &s->earth, learned, accel, mag, predicted, nudge, pace,
                            s->elapsed, &begins);
         rotor = product(change, predicted);

@@ -26,7 +26,6 @@ from .spikes import ZERO, is_glitch
 
 NEARLY_UPRIGHT = 0.01  # square of the tangent of the angle to the vertical
 FAR = 0.999  # square of a rotor's length: below it, one between two others is made a unit again
-AGREEING = math.cos(math.radians(14.0))  # of the angle between two first headings
 MUCH = 0.9  # a smaller weight of the gyroscope path takes much of the snapshot
 UPSIDE_DOWN = 1e-3  # less than this of up above the opposite of the vertical tells no axis
 
@@ -89,8 +88,7 @@ def corrected(
     elif has_up:
         change = uprighted((x, y, z), 1.0 - weight)
 
-    first, glitch, moved = False, False, weight < MUCH
-    alone = gains.average_start and heading_known > 1  # one field told north, which may be bad
+    first, moved = False, weight < MUCH
     mag_age += dt
     x, y, z = mag
     if x == x or y == y or z == z:  # a sample came
@@ -102,8 +100,7 @@ def corrected(
             level = x * x + y * y
             fresh = level > LEVEL * LEVEL * (level + z * z)  # else it is along gravity
             if fresh and gains.despike:
-                glitch = is_glitch((x, y, z), field, mag_age, dt)
-                fresh = alone or not glitch
+                fresh = not is_glitch((x, y, z), field, mag_age, dt)
         if not fresh:
             mag_rejected += 1
         else:
@@ -111,19 +108,14 @@ def corrected(
             last_mag = mag
             if gains.sources.use_mag:
                 length = math.sqrt(level)
-                if alone:
-                    first = gains.despike and (glitch or x < AGREEING * length)
-                    heading_known = heading_known - 1 if first else 1
-                    mag_rejected += first  # the one before it
-                elif heading_known == 0:
-                    first, heading_known = True, FIRST_HEADING
-                if not first:
+                if heading_known > 0:
                     span = max(dt, min(mag_age, gains.sources.mag_timeout))
                     part = part_of_heading(gains, learned, tilt_rate, elapsed, span)
                     moved = moved or part > 1.0 - MUCH
                     change = turned_north(change, x / length, y / length, part)
                 else:
-                    moved = True
+                    first = moved = True
+                    heading_known += FIRST_HEADING
                     change = turned_north(IDENTITY, x / length, y / length, 1.0)
             mag_age = 0.0
     if not first:

@@ -148,7 +148,7 @@ class KernelFilter:
     @property
     def heading_known(self) -> bool:
         """Whether a magnetometer has told north since the start."""
-        return bool(self._state.senses.heading_known)
+        return bool(self._state.senses.heading_known > 0)
 
     @property
     def bias(self) -> Vector:
@@ -173,7 +173,7 @@ class KernelFilter:
         return Report(
             started=senses.started,
             heading_from_mag=self._settings.use_mag
-            and senses.heading_known
+            and senses.heading_known > 0
             and senses.mag_age <= self._settings.mag_timeout,
             mag_age=senses.mag_age,
             sign_corrections=senses.sign_corrections,

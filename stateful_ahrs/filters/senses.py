@@ -27,7 +27,7 @@ from .settings import NORTH, Settings
 UP: Vector = (0.0, 0.0, 1.0)
 FASTEST = 350.0  # rad/s; no gyroscope measures more
 WEAKEST, STRONGEST = 0.05, 400.0  # m/s²: free fall has no up, and 40 g are no acceleration
-FIRST_HEADING = 3  # of `heading_known`: it may be given up twice
+FIRST_HEADING = 3  # of `heading_known`
 
 
 class Senses(NamedTuple):
@@ -37,7 +37,9 @@ class Senses(NamedTuple):
     mag: Vector = NORTH  # the last good one, carried along by the gyroscope (but in `correction`)
     mag_age: float = math.inf  # s
     started: bool = False  # tilt is known
-    heading_known: int = 0  # since the start; 1 more than how often it may be given up still
+    # Above 0 where a magnetometer has told north since the start: `FIRST_HEADING` by one field, 1
+    # by two that agree; each that was given up makes it one less (see `spikes`).
+    heading_known: int = 0
     turned: bool = False  # the snapshot's own sign is the opposite of the filter's
     sign_corrections: int = 0  # how often that changed: the jumps of a stateless rotor
     gyro_rejected: int = 0
@@ -138,7 +140,7 @@ def look(
             fresh = False
             mag_rejected += 1
             field = carried(turn, last_mag)
-    begins = starts or (from_mag and heading_known == 0)
+    begins = starts or (from_mag and heading_known <= 0)
     if from_mag:
         heading_known = FIRST_HEADING if begins else 1
     if fresh:

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 
 from ..rotor import Rotor, Vector, carried, conjugate, from_rate, minus, product, rotate, total
-from .senses import STRONGEST, heard, usable
+from .senses import FIRST_HEADING, STRONGEST, Senses, heard, usable
 
 ZERO: Vector = (0.0, 0.0, 0.0)
 JUMP_OF_RATE = 4.0  # rad/s
@@ -23,7 +23,7 @@ ALIKE = 1.0 / 16.0  # of the square of the jump: how near the two neighbours are
 SHORT = 0.022  # s: in longer steps a motion may well turn and turn back
 BETTER = 0.25  # of a misfit: half of the angle
 ABRUPT = 400.0  # rad/s²: in no motion does a rate come and go as fast
-UPRIGHT = math.cos(math.radians(14.0))  # of the angle between two starts
+AGREEING = math.cos(math.radians(14.0))  # of the angle between two starts
 STAYS = 0.25  # s: after as long nothing is a glitch
 
 
@@ -101,7 +101,33 @@ def contradicts(rotor: Rotor, seen: Seen, accel: Vector) -> bool:
     if seen[3] != ZERO or not usable(accel):
         return False
     up = rotate(rotor, accel)
-    return up[2] < UPRIGHT * math.sqrt(square(up))
+    return up[2] < AGREEING * math.sqrt(square(up))
+
+
+def confirmed(
+    senses: Senses, field: Vector, mag: Vector, rotor: Rotor, dt: float
+) -> tuple[Senses, Vector]:
+    """What is known of a heading that one ``field`` (earth frame) told, now that the next came.
+
+    It is given up if they contradict, but not three times in a row; and so is the field.
+    """
+    (
+        rate, last_mag, mag_age, started, heading_known, turned, sign_corrections, gyro_rejected,
+        accel_rejected, mag_rejected,
+    ) = senses  # fmt: skip
+    found = rotate(rotor, mag)
+    x, y, _ = found
+    if is_glitch(found, field, mag_age + dt, dt) or x < AGREEING * math.sqrt(x * x + y * y):
+        heading_known -= FIRST_HEADING + 1
+        mag_rejected += 1
+        field = ZERO
+    else:
+        heading_known = 1
+    senses = Senses(
+        rate, last_mag, mag_age, started, heading_known, turned, sign_corrections, gyro_rejected,
+        accel_rejected, mag_rejected,
+    )  # fmt: skip
+    return senses, field
 
 
 def misfit(rotor: Rotor, accel: Vector, mag: Vector, field: Vector) -> float:

@@ -84,7 +84,7 @@ from .learning import (
     start_anew,
 )
 from .samples import Array, Samples
-from .senses import Senses, afresh, held, look, usable, without_last_force
+from .senses import Senses, afresh, heard, held, look, usable, without_last_force
 from .settings import DEFAULTS, Known
 from .settings import Settings as Settings
 from .spikes import (
@@ -94,6 +94,7 @@ from .spikes import (
     UNSEEN,
     ZERO,
     Seen,
+    confirmed,
     contradicts,
     is_far,
     judged,
@@ -265,6 +266,9 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
             x, y, z = learned.drift  # what the slow room found out of the past
             half = 0.5 * dt
             nudge = (half * x, half * y, half * z)
+        if last.heading_known > 1 and despike and average_start and sources.use_mag and heard(mag):
+            last, field = confirmed(last, earth[2], mag, predicted, dt)
+            earth = (earth[0], earth[1], field)
         senses, earth, begins, change = corrected(
             last, earth, gains, learned, rate, gyro_rejected, accel, mag, predicted, nudge,
             tilt_rate, weight, elapsed, dt,
@@ -567,7 +571,7 @@ class StatefulFilter(KernelFilter):
         if not self._gains.learns:
             return None
         learned = self._state.learned
-        known = self._state.senses.heading_known
+        known = self._state.senses.heading_known > 0
         return learned.tilt_stddev, learned.heading_stddev if known else math.inf
 
     @property
