@@ -55,6 +55,7 @@ def eventful(samples: Samples) -> Samples:
         gyro[rows] = gyro[rows] * 0.002 + rate
         accel[rows], mag[rows] = accel[rows][:1], mag[rows][:1]
     accel[0], mag[0] = accel[0][::-1], 0.01 * mag[0]  # a start that is none
+    mag[2] = mag[2][::-1]  # a first heading that is none
     accel[199] = 100.0  # a glitch as the start's mean is full
     gyro[2000], accel[2100], mag[2200] = 30.0, 100.0, 1e-3  # glitches
     gyro[3000:3050] = np.nan

@@ -147,6 +147,7 @@ static double left_of(double time, double lost) { return time / (1.0 + time * lo
 
 /* correction.py */
 static const double NEARLY_UPRIGHT = 0.01, FAR = 0.999, MUCH = 0.9, UPSIDE_DOWN = 1e-3;
+static const double FAR_OFF = 0.86602540378443865; /* cos 30 degrees */
 static const int FIRST_HEADING = 3;
 
 typedef struct {
@@ -237,6 +238,7 @@ static inline Rotor corrected(Senses *senses, Earth *earth, const Learned *learn
                 double span = larger(dt, smaller(senses->mag_age, MAG_TIMEOUT));
                 double part = part_of_heading(learned, pace.tilt_rate, elapsed, span);
                 moved |= part > 1.0 - MUCH;
+                *first = part > 0.5 && north < FAR_OFF;
                 change = turned_north(change, north, west, part);
             }
             senses->mag = mag, senses->mag_age = 0.0;
@@ -396,12 +398,11 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
             knock = to_neighbours(last, s->seen.rate, rate, JUMP_OF_RATE);
         if (square(knock) > 0.0) {
             Rotor back = product(way_back(last, &s->seen, knock), turn);
-            if ((s->elapsed > STAYS && is_abrupt(knock, dt, &s->seen))
-                || is_better(product(s->rotor, back), product(s->rotor, turn), accel, mag,
-                             s->seen.field))
-                turn = back, senses->gyro_rejected++;
-            else
-                lost += variance_doubted(&s->seen, knock);
+            int late = s->elapsed > STAYS, clear = late && is_abrupt(knock, dt, &s->seen);
+            int better = clear || is_better(product(s->rotor, back), product(s->rotor, turn),
+                                            accel, mag, s->seen.field);
+            if (!(better && late)) lost += variance_doubted(&s->seen, knock);
+            if (better) turn = back, senses->gyro_rejected++;
         }
         if (s->earth.time > 0.0 && is_far(accel, s->seen.force, JUMP_OF_FORCE)) {
             accel = put_right(&s->seen, turn, accel);

@@ -64,20 +64,23 @@ def bind(kernel: Callable[..., Any], **kernels: Callable[..., Any]) -> Callable[
 
 @functools.cache
 def compiled(
-    kernel: Callable[..., Any], inline: bool = False, fused: bool = False
+    kernel: Callable[..., Any], inline: bool = False, fused: bool = False, use: str = ""
 ) -> Callable[..., Any]:
     """The kernel, compiled with all kernels it calls; the kernel itself without numba.
 
     ``inline`` makes one function of all, so that tuples stay in registers. It runs up to twice as
     fast, and where kernels are long it takes minutes to compile. ``fused`` lets a product and a sum
-    be one operation with one rounding: a fifth faster, and 1e-16 off what plain Python makes.
+    be one operation with one rounding: a fifth faster, and 1e-16 off what plain Python makes. Twins
+    for another ``use`` are other ones.
     """
     numba = _numba()
     if numba is None:
         return kernel
-    called = {name: compiled(value, inline, fused) for name, value in kernels_of(kernel).items()}
+    called = {
+        name: compiled(value, inline, fused, use) for name, value in kernels_of(kernel).items()
+    }
     with_compiled = twin(
-        kernel, called, kernel.__qualname__ + "_inline" * inline + "_fused" * fused
+        kernel, called, kernel.__qualname__ + "_inline" * inline + "_fused" * fused + use
     )
     return _jit(numba, inline, fused)(with_compiled)  # type: ignore[no-any-return]
 
@@ -91,7 +94,10 @@ def packed(kernel: Callable[..., Any], *like: Any) -> Callable[..., Any]:
     numba = _numba()
     if numba is None or numba.config.DISABLE_JIT:
         return kernel
-    called = {name: compiled(value, True, True) for name, value in kernels_of(kernel).items()}
+    # Its own twins of what it calls: else what is compiled first would decide how all is.
+    called = {
+        name: compiled(value, True, True, "_packed") for name, value in kernels_of(kernel).items()
+    }
     one = _jit(numba, False, True)(twin(kernel, called, kernel.__qualname__ + "_packed"))
     usual = numba.config.SLP_VECTORIZE
     numba.config.SLP_VECTORIZE = 1

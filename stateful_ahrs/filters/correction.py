@@ -26,6 +26,7 @@ from .spikes import ZERO, is_glitch
 
 NEARLY_UPRIGHT = 0.01  # square of the tangent of the angle to the vertical
 FAR = 0.999  # square of a rotor's length: below it, one between two others is made a unit again
+FAR_OFF = math.cos(math.radians(30.0))  # of a heading that is then told anew
 MUCH = 0.9  # a smaller weight of the gyroscope path takes much of the snapshot
 UPSIDE_DOWN = 1e-3  # less than this of up above the opposite of the vertical tells no axis
 
@@ -112,6 +113,7 @@ def corrected(
                     span = max(dt, min(mag_age, gains.sources.mag_timeout))
                     part = part_of_heading(gains, learned, tilt_rate, elapsed, span)
                     moved = moved or part > 1.0 - MUCH
+                    first = part > 0.5 and x < FAR_OFF * length
                     change = turned_north(change, x / length, y / length, part)
                 else:
                     first = moved = True

@@ -63,11 +63,12 @@ def judged(
     if knock == ZERO:
         return turn, 0, 0.0
     back = product(way_back(last, seen, knock), turn)
-    # A start takes so much of each sample that it has taken back much itself.
-    clear = elapsed > STAYS and is_abrupt(knock, dt, seen)
-    if clear or is_better(product(rotor, back), product(rotor, turn), accel, mag, seen[4]):
+    if elapsed > STAYS and is_abrupt(knock, dt, seen):
         return back, 1, 0.0
-    return turn, 0, variance_doubted(seen, knock)
+    better = is_better(product(rotor, back), product(rotor, turn), accel, mag, seen[4])
+    # A start takes so much of each sample that it has taken back much itself, or in part.
+    doubt = 0.0 if better and elapsed > STAYS else variance_doubted(seen, knock)
+    return back if better else turn, int(better), doubt
 
 
 def way_back(last: Vector, seen: Seen, knock: Vector) -> Rotor:
