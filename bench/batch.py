@@ -55,12 +55,13 @@ def eventful(samples: Samples) -> Samples:
         gyro[rows] = gyro[rows] * 0.002 + rate
         accel[rows], mag[rows] = accel[rows][:1], mag[rows][:1]
     accel[0], mag[0] = accel[0][::-1], 0.01 * mag[0]  # a start that is none
-    mag[2] = mag[2][::-1]  # a first heading that is none
+    mag[2] = mag[2][::-1]  # what the first heading is given up for, and is given up itself
+    gyro[10] = 5.0  # a glitch in the start
     accel[199] = 100.0  # a glitch as the start's mean is full
     gyro[2000], accel[2100], mag[2200] = 30.0, 100.0, 1e-3  # glitches
     gyro[3000:3050] = np.nan
     mag[3500:3600] *= 20.0
-    gyro[[5550, 5580]] = accel[5570] = 30.0  # glitches where steps are long
+    gyro[[5540, 5550, 5580]], accel[5570] = [[30.0], [5.0], [5.0]], 30.0  # where steps are long
     accel[5581], mag[5581] = np.nan, 0.0  # nothing to tell the second by
     quarter = len(samples) // 4
     mag[2 * quarter : 3 * quarter] *= 1.3  # another field, and back

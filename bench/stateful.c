@@ -35,7 +35,7 @@ static inline double part_of_heading(const Learned *learned, double tilt_rate, d
 static const double JUMP_OF_RATE = 4.0; /* rad/s */
 static const double JUMP_OF_FORCE = 30.0; /* m/s^2 */
 static const double ALIKE = 1.0 / 16.0; /* of the square of the jump */
-static const double SHORT = 0.022, STAYS = 0.25; /* s */
+static const double SHORT = 0.022, STAYS = 0.25, SELDOM = 1.0; /* s */
 static const double BETTER = 0.25; /* of a misfit */
 static const double ABRUPT = 400.0; /* rad/s^2 */
 static const double AGREEING = 0.97029572627599647; /* cos 14 degrees */
@@ -124,7 +124,7 @@ static Vector put_right(const Seen *seen, Rotor turn, Vector accel)
 /* Whether a field differs by more than itself from a last good one, `age` s old; no if none. */
 static inline int is_glitch(Vector mag, Vector last, double age, double dt)
 {
-    if (square(last) == 0.0 || age - dt >= STAYS || dt >= STAYS) return 0;
+    if (square(last) == 0.0 || age - dt >= SELDOM || dt >= STAYS) return 0;
     return square(minus(mag, last)) > smaller(square(mag), square(last));
 }
 
@@ -201,11 +201,11 @@ static inline Rotor turned_north(Rotor change, double north, double west, double
                    cosine * change.y + sine * change.x, sine * change.w};
 }
 
-/* Take a sample after the start; returns the turn of `predicted`, and whether its heading is the
-   first one, which is taken whole. */
+/* Take a sample after the start; returns the turn of `predicted`, and whether heading is told anew,
+   by the first field or after a start that was far off. */
 static inline Rotor corrected(Senses *senses, Earth *earth, const Learned *learned, Vector accel,
                               Vector mag, Rotor predicted, Vector nudge, Pace pace, double elapsed,
-                              int *first)
+                              int *anew)
 {
     double dt = pace.dt;
     if (usable(accel)) {
@@ -230,15 +230,15 @@ static inline Rotor corrected(Senses *senses, Earth *earth, const Learned *learn
              && !is_glitch(field, earth->field, senses->mag_age, dt);
         if (fresh) {
             double length = sqrt(level), north = field.x / length, west = field.y / length;
-            *first = senses->heading_known <= 0;
-            if (*first) {
+            *anew = senses->heading_known <= 0;
+            if (*anew) {
                 moved = 1, senses->heading_known += FIRST_HEADING;
                 change = turned_north(IDENTITY, north, west, 1.0);
             } else {
                 double span = larger(dt, smaller(senses->mag_age, MAG_TIMEOUT));
                 double part = part_of_heading(learned, pace.tilt_rate, elapsed, span);
                 moved |= part > 1.0 - MUCH;
-                *first = part > 0.5 && north < FAR_OFF;
+                *anew = elapsed < START_LOW_PASSED && part > 0.5 && north < FAR_OFF;
                 change = turned_north(change, north, west, part);
             }
             senses->mag = mag, senses->mag_age = 0.0;
@@ -246,7 +246,8 @@ static inline Rotor corrected(Senses *senses, Earth *earth, const Learned *learn
         }
     }
     senses->mag_rejected += !fresh;
-    if (!*first) change.x += nudge.x, change.y += nudge.y, change.z += nudge.z;
+    if (!fresh && senses->mag_age - dt >= STAYS) earth->field = ZERO; /* the next is believed */
+    if (!*anew) change.x += nudge.x, change.y += nudge.y, change.z += nudge.z;
     if (moved && fresh) earth->field = slightly(change, earth->field);
     earth->up = slightly(change, earth->up);
 
@@ -265,8 +266,10 @@ static const double FASTEST = 350.0; /* rad/s; no gyroscope measures more */
 static void confirm(Senses *senses, Earth *earth, Vector mag, Rotor rotor, double dt)
 {
     Vector found = rotate(rotor, mag);
+    double level = found.x * found.x + found.y * found.y;
+    if (level <= LEVEL * LEVEL * square(found)) return;
     int glitch = is_glitch(found, earth->field, senses->mag_age + dt, dt);
-    if (glitch || found.x < AGREEING * sqrt(found.x * found.x + found.y * found.y))
+    if (glitch || found.x < AGREEING * sqrt(level))
         senses->heading_known -= FIRST_HEADING + 1, senses->mag_rejected++, earth->field = ZERO;
     else
         senses->heading_known = 1;

@@ -70,8 +70,8 @@ def compiled(
 
     ``inline`` makes one function of all, so that tuples stay in registers. It runs up to twice as
     fast, and where kernels are long it takes minutes to compile. ``fused`` lets a product and a sum
-    be one operation with one rounding: a fifth faster, and 1e-16 off what plain Python makes. Twins
-    for another ``use`` are other ones.
+    be one operation with one rounding: a fifth faster, and 1e-16 off what plain Python makes.
+    Numba links what it compiled first, so what is compiled otherwise has a ``use`` to tell it by.
     """
     numba = _numba()
     if numba is None:

@@ -19,10 +19,10 @@ from __future__ import annotations
 import math
 
 from ..rotor import IDENTITY, Rotor, Vector, rotate, slightly
-from .gains import Gains, part_of_heading
+from .gains import START_LOW_PASSED, Gains, part_of_heading
 from .learning import LEVEL, LOW_PASS, Learned
 from .senses import FIRST_HEADING, UP, WEAKEST, Senses, heard, usable
-from .spikes import ZERO, is_glitch
+from .spikes import STAYS, ZERO, is_glitch
 
 NEARLY_UPRIGHT = 0.01  # square of the tangent of the angle to the vertical
 FAR = 0.999  # square of a rotor's length: below it, one between two others is made a unit again
@@ -59,7 +59,8 @@ def corrected(
     turn (rad) besides, and ``elapsed`` the time since the start. Returns
 
     - what is remembered from now on, of the samples and in the earth frame;
-    - whether this is the first heading, which is taken whole, or one in place of it;
+    - whether heading is told anew: by the first field, which is taken whole, or after a start that
+      was far off;
     - the turn of ``predicted``, about axes of the earth: a unit rotor but for the blend.
     """
     (
@@ -89,7 +90,7 @@ def corrected(
     elif has_up:
         change = uprighted((x, y, z), 1.0 - weight)
 
-    first, moved = False, weight < MUCH
+    anew, moved = False, weight < MUCH
     mag_age += dt
     x, y, z = mag
     if x == x or y == y or z == z:  # a sample came
@@ -104,6 +105,8 @@ def corrected(
                 fresh = not is_glitch((x, y, z), field, mag_age, dt)
         if not fresh:
             mag_rejected += 1
+            if mag_age - dt >= STAYS:
+                field = ZERO  # the next is believed
         else:
             field = (x, y, z)
             last_mag = mag
@@ -113,14 +116,14 @@ def corrected(
                     span = max(dt, min(mag_age, gains.sources.mag_timeout))
                     part = part_of_heading(gains, learned, tilt_rate, elapsed, span)
                     moved = moved or part > 1.0 - MUCH
-                    first = part > 0.5 and x < FAR_OFF * length
+                    anew = elapsed < START_LOW_PASSED and part > 0.5 and x < FAR_OFF * length
                     change = turned_north(change, x / length, y / length, part)
                 else:
-                    first = moved = True
+                    anew = moved = True
                     heading_known += FIRST_HEADING
                     change = turned_north(IDENTITY, x / length, y / length, 1.0)
             mag_age = 0.0
-    if not first:
+    if not anew:
         w, i, j, k = change
         change = (w, i + nudge[0], j + nudge[1], k + nudge[2])
     if moved and mag_age == 0.0:  # else it is as good where it was seen
@@ -143,7 +146,7 @@ def corrected(
         accel_rejected,
         mag_rejected,
     )
-    return now, (slightly(change, mean), time, field), first, change
+    return now, (slightly(change, mean), time, field), anew, change
 
 
 def uprighted(up: Vector, part: float) -> Rotor:

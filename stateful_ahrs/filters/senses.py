@@ -25,9 +25,9 @@ from ..snapshot.dcm import dcm
 from .settings import NORTH, Settings
 
 UP: Vector = (0.0, 0.0, 1.0)
-FASTEST = 350.0  # rad/s; no gyroscope measures more
+FASTEST = 350.0  # rad/s, all axes together: the fastest gyroscope, with one axis, does 20 000 °/s
 WEAKEST, STRONGEST = 0.05, 400.0  # m/s²: free fall has no up, and 40 g are no acceleration
-FIRST_HEADING = 3  # of `heading_known`
+FIRST_HEADING = 3  # that is how `heading_known` begins: it may be given up twice
 
 
 class Senses(NamedTuple):

@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 
 from ..rotor import Rotor, Vector, carried, conjugate, from_rate, minus, product, rotate, total
+from .learning import LEVEL
 from .senses import FIRST_HEADING, STRONGEST, Senses, heard, usable
 
 ZERO: Vector = (0.0, 0.0, 0.0)
@@ -26,6 +27,7 @@ BETTER = 0.25  # of a misfit: half of the angle
 ABRUPT = 400.0  # rad/s²: in no motion does a rate come and go as fast
 AGREEING = math.cos(math.radians(14.0))  # of the angle between two starts
 STAYS = 0.25  # s: after as long nothing is a glitch
+SELDOM = 1.0  # s: a field that comes after so long is none either
 
 
 # What is remembered for it, beside the last good rate: the rate before it (rad/s), the time that
@@ -55,10 +57,12 @@ def judged(
     elapsed: float,
     dt: float,
 ) -> tuple[Rotor, int, float]:
-    """What becomes of a step that turns ``rotor`` where the last rate (rad/s) may have been none.
+    """What becomes of a step of ``dt`` s by ``turn``, where the last rate may have been none.
 
-    Returns the turn, which takes back the last one or not; whether it does; and the variance
-    (rad²) of the last one where that stays open.
+    Takes the rotor before the step (sensor → earth), the rate and the last one (rad/s), specific
+    force (m/s²) and field of this sample, and the time since the start (s). Returns the turn, which
+    takes back the last one or not; whether it does; and the variance (rad²) of the last one where
+    that stays open.
     """
     knock = to_neighbours(last, seen[0], rate, JUMP_OF_RATE)
     if knock == ZERO:
@@ -84,7 +88,7 @@ def way_back(last: Vector, seen: Seen, knock: Vector) -> Rotor:
 def is_abrupt(knock: Vector, dt: float, seen: Seen) -> bool:
     """Whether no motion comes and goes so in two steps: of a rate that is ``knock`` off (rad/s)."""
     longest = max(dt, abs(seen[1]))
-    return longest < SHORT or square(knock) > square((ABRUPT * longest, 0.0, 0.0))
+    return longest < SHORT or square(knock) > (ABRUPT * longest) ** 2
 
 
 def variance_doubted(seen: Seen, knock: Vector) -> float:
@@ -107,11 +111,13 @@ def contradicts(rotor: Rotor, seen: Seen, accel: Vector) -> bool:
 
 
 def confirmed(
-    senses: Senses, field: Vector, mag: Vector, rotor: Rotor, dt: float
+    senses: Senses, field: Vector, mag: Vector, rotor: Rotor, dt: float, judged: bool
 ) -> tuple[Senses, Vector]:
     """What is known of a heading that one ``field`` (earth frame) told, now that the next came.
 
-    It is given up if they contradict, but not three times in a row; and so is the field.
+    It is given up if they contradict, but not three times in a row; and so is the field. The next
+    one, ``mag``, is in the sensor frame, and ``rotor`` (sensor → earth) predicted; if it is not to
+    be ``judged``, it confirms, and if it is along gravity, it does not.
     """
     (
         rate, last_mag, mag_age, started, heading_known, turned, sign_corrections, gyro_rejected,
@@ -119,7 +125,11 @@ def confirmed(
     ) = senses  # fmt: skip
     found = rotate(rotor, mag)
     x, y, _ = found
-    if is_glitch(found, field, mag_age + dt, dt) or x < AGREEING * math.sqrt(x * x + y * y):
+    level = x * x + y * y
+    if level <= LEVEL * LEVEL * square(found):
+        return senses, field
+    contradicts = is_glitch(found, field, mag_age + dt, dt) or x < AGREEING * math.sqrt(level)
+    if judged and contradicts:
         heading_known -= FIRST_HEADING + 1
         mag_rejected += 1
         field = ZERO
@@ -178,7 +188,7 @@ def is_glitch(mag: Vector, last: Vector, age: float, dt: float) -> bool:
 
     Both are in the earth frame.
     """
-    if last == ZERO or age - dt >= STAYS or dt >= STAYS:
+    if last == ZERO or age - dt >= SELDOM or dt >= STAYS:
         return False
     return square(minus(mag, last)) > min(square(mag), square(last))
 

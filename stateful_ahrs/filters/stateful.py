@@ -266,8 +266,10 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
             x, y, z = learned.drift  # what the slow room found out of the past
             half = 0.5 * dt
             nudge = (half * x, half * y, half * z)
-        if last.heading_known > 1 and despike and average_start and sources.use_mag and heard(mag):
-            last, field = confirmed(last, earth[2], mag, predicted, dt)
+        if last.heading_known > 1 and heard(mag):
+            told = despike and average_start and sources.use_mag
+            told = told and alpha < 1.0 and gains.alpha_heading < 1.0
+            last, field = confirmed(last, earth[2], mag, predicted, dt, told)
             earth = (earth[0], earth[1], field)
         senses, earth, begins, change = corrected(
             last, earth, gains, learned, rate, gyro_rejected, accel, mag, predicted, nudge,

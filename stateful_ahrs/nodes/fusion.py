@@ -425,7 +425,7 @@ class Fusion(Node):
         for sensor, count in rejected.items():
             if 2 * count > samples > 0:
                 last = counted(samples, f"{sensor} sample")
-                return WARN, f"Of the last {last}, {count} cannot be used.", values
+                return WARN, f"Of the last {last}, {count} were rejected.", values
         if not settings.use_mag:
             return OK, "Six axes by choice: heading follows the gyroscope.", values
         if mag_age > SILENT:

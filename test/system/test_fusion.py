@@ -290,7 +290,7 @@ def test_a_sensor_that_gives_nothing_usable_is_a_warning(graph, sensor, sample, 
     def told():
         sensor.send(START + sensor.sent * PERIOD, **sample)
         sentence = status(diagnostics, "fusion")[1]
-        return re.fullmatch(rf"Of the last \d+ {name} samples, \d+ cannot be used\.", sentence)
+        return re.fullmatch(rf"Of the last \d+ {name} samples, \d+ were rejected\.", sentence)
 
     until(told, "the warning")
     assert status(diagnostics, "fusion")[0] == b"\x01"
