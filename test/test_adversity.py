@@ -114,13 +114,13 @@ def test_a_bad_sample_among_the_first_two_is_no_start(rate, sensor, row, six_axe
 def test_a_bad_rate_among_the_first_is_put_right_however_seldom_the_field_is(rate, each, row):
     samples, _ = recording(3.0, rate)
     samples.mag[np.arange(len(samples)) % each > 0] = math.nan
-    for direction in np.random.default_rng(row).normal(size=(20, 3)):
+    for direction in np.random.default_rng(row).normal(size=(8, 3)):
         direction /= np.abs(direction).sum()
-        for size in (10.0, 30.0, 100.0, 200.0, 330.0):  # rad/s; whole turns in a step
+        for size in (30.0, 100.0, 200.0, 330.0):  # rad/s; whole turns in a step
             assert harmed(samples, "gyro", row, size * direction) < 12.0, (direction, size)
 
 
-FIELDS = 50e-6 * np.random.default_rng(3).normal(size=(8, 3))  # tesla
+FIELDS = 50e-6 * np.random.default_rng(3).normal(size=(5, 3))  # tesla
 
 
 @pytest.mark.parametrize(
