@@ -27,7 +27,7 @@ BETTER = 0.25  # of a misfit: half of the angle
 ABRUPT = 400.0  # rad/s²: in no motion does a rate come and go as fast
 AGREEING = math.cos(math.radians(14.0))  # of the angle between two starts
 STAYS = 0.25  # s: after as long nothing is a glitch
-SELDOM = 1.0  # s: a field that comes after so long is none either
+SELDOM = 1.0  # s: likewise of a field, where none came between that was rejected
 
 
 # What is remembered for it, beside the last good rate: the rate before it (rad/s), the time that
@@ -128,8 +128,8 @@ def confirmed(
     level = x * x + y * y
     if level <= LEVEL * LEVEL * square(found):
         return senses, field
-    contradicts = is_glitch(found, field, mag_age + dt, dt) or x < AGREEING * math.sqrt(level)
-    if judged and contradicts:
+    off = is_glitch(found, field, mag_age + dt, dt) or x < AGREEING * math.sqrt(level)
+    if judged and off:
         heading_known -= FIRST_HEADING + 1
         mag_rejected += 1
         field = ZERO
