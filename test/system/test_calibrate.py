@@ -198,8 +198,9 @@ def test_ctrl_c_keeps_what_is_there(graph: Graph, tmp_path: Path):
     write(simulated("tumble", 12.0), tmp_path / "bag")  # rests from 7.5 s to 11 s: never enough
     graph.start("bag_player", str(tmp_path / "bag"), "--rate", "4")
     until(lambda: len(imu) > 1150, "11.5 s of samples")
+    time.sleep(1.0)  # calibrate may be late, if the machine is busy
     assert calibrating.end(signal.SIGINT) == 0, calibrating.said
-    assert 2.0 < load(path).gyro.quality["seconds"] < 4.5
+    assert 2.0 <= load(path).gyro.quality["seconds"] < 4.5
 
 
 def test_ctrl_c_too_early_says_what_is_missing(graph: Graph, tmp_path: Path):
