@@ -63,13 +63,17 @@ def eventful(samples: Samples) -> Samples:
     mag[3500:3600] *= 20.0
     gyro[[5540, 5550, 5580]], accel[5570] = [[30.0], [5.0], [5.0]], 30.0  # where steps are long
     accel[5581], mag[5581] = np.nan, 0.0  # nothing to tell the second by
+    after = 8000 + 200 * np.arange(6)  # gaps: see below
+    gyro[after[0]], gyro[after[1] - 1], gyro[after[2] + 1] = 20.0, 20.0, 3.0
+    accel[after[3]], mag[after[4] : after[4] + 2] = 100.0, 2e-4
+    gyro[after[5] - 100 : after[5] + 100] *= 0.02  # slow enough to be known after it
     quarter = len(samples) // 4
     mag[2 * quarter : 3 * quarter] *= 1.3  # another field, and back
     mag[3 * quarter : 3 * quarter + 100] = 0.0
     stamps = samples.stamps.copy()
     stamps[5500:] += 15_000_000 * np.minimum(np.arange(len(stamps) - 5500), 100)
-    stamps[quarter:] += 800_000_000  # a gap
-    stamps[quarter + 200 :] += 100_000_000  # another
+    for row, lost in zip([*after, quarter], [5, 10, 10, 10, 20, 40, 80]):
+        stamps[row:] += lost * 10_000_000
     stamps[3 * quarter :] += 2_000_000_000  # a new start, without a field
     return Samples(stamps, gyro, accel, mag)
 

@@ -39,6 +39,7 @@ static const double SHORT = 0.022, STAYS = 0.25, SELDOM = 1.0; /* s */
 static const double BETTER = 0.25; /* of a misfit */
 static const double ABRUPT = 400.0; /* rad/s^2 */
 static const double AGREEING = 0.97029572627599647; /* cos 14 degrees */
+static const double TWICE = 4.0; /* of the square of a field */
 
 /* The rate before the last, the time that the last turned for (negative where the mean of both did),
    the last force, the one before, the field before the last (earth frame). */
@@ -47,6 +48,28 @@ typedef struct { Vector rate; double span; Vector force, force_before, field; } 
 static Vector middle(Vector u, Vector v) { return times(0.5, total(u, v)); }
 
 static int is_far(Vector u, Vector v, double jump) { return square(minus(u, v)) > jump * jump; }
+
+/* The rate in a gap, by those at its ends: if far apart, the latter may be none. */
+static Vector over_gap(Vector before, Vector after)
+{
+    return is_far(before, after, JUMP_OF_RATE) ? before : middle(before, after);
+}
+
+/* Neither the least nor the largest. */
+static double of_three(double a, double b, double c)
+{
+    return larger(smaller(a, b), smaller(larger(a, b), c));
+}
+
+/* What the last vector was if one of the three may be none. */
+static Vector likely(Vector before, Vector last, Vector after)
+{
+    if (square(minus(after, before)) > square(minus(last, before))) return last;
+    return (Vector){of_three(before.x, last.x, after.x), of_three(before.y, last.y, after.y),
+                    of_three(before.z, last.z, after.z)};
+}
+
+static Vector shorter(Vector u, Vector v) { return square(u) < square(v) ? u : v; }
 
 /* From the last vector to the mean of its neighbours if they agree without it; else zero. */
 static Vector to_neighbours(Vector last, Vector before, Vector after, double jump)
@@ -63,7 +86,7 @@ static Rotor way_back(Vector last, const Seen *seen, Vector knock)
     Vector meant = total(last, knock);
     double span = seen->span;
     if (span < 0.0)
-        span = -span, last = middle(seen->rate, last), meant = middle(seen->rate, meant);
+        span = -span, last = over_gap(seen->rate, last), meant = middle(seen->rate, meant);
     return product(conjugate(from_rate(last, span)), from_rate(meant, span));
 }
 
@@ -110,15 +133,16 @@ static int contradicts(Rotor rotor, const Seen *seen, Vector accel)
         && rotate(rotor, accel).z < AGREEING * sqrt(square(accel));
 }
 
-/* The force that undoes in a low-pass, which is linear, what the last did if it was none. */
-static Vector put_right(const Seen *seen, Rotor turn, Vector accel)
+/* A mean of forces over `time` without the last one, if that was none; for how long it counted. */
+static double put_right(Vector *mean, double time, Rotor rotor, Rotor turn, const Seen *seen,
+                        Vector accel)
 {
-    if (!usable(seen->force)) return accel;
-    Vector knock = to_neighbours(seen->force, seen->force_before, accel, JUMP_OF_FORCE);
-    if (square(knock) == 0.0) return accel;
-    Vector right = total(accel, carried(turn, knock));
-    double length = sqrt(square(right));
-    return length >= STRONGEST ? times(0.99 * STRONGEST / length, right) : right;
+    if (!(usable(seen->force) && seen->span > 0.0)) return 0.0;
+    Vector after = rotate(turn, accel);
+    Vector knock = to_neighbours(seen->force, seen->force_before, after, JUMP_OF_FORCE);
+    if (square(knock) == 0.0) return 0.0;
+    *mean = total(*mean, times(seen->span / time, rotate(rotor, knock)));
+    return seen->span;
 }
 
 /* Whether a field differs by more than itself from a last good one, `age` s old; no if none. */
@@ -129,7 +153,8 @@ static inline int is_glitch(Vector mag, Vector last, double age, double dt)
 }
 
 /* gaps.py */
-static const double GAP = 0.03, MISSING = 3.0, OF_RATE = 0.3, AT_REST = 0.1, SURE = 0.05, MUCH_LOST = 0.003;
+static const double GAP = 0.03, MISSING = 3.0, OF_RATE = 0.3, AT_REST = 0.1, SURE = 0.05;
+static const double OF_CHANGE = 0.4, PER_SECOND = 1.5, MUCH_LOST = 0.003, ALL_LOST = 0.06;
 
 static inline int is_gap(double dt, double last)
 {
@@ -139,7 +164,9 @@ static inline int is_gap(double dt, double last)
 /* Variance of a turn that took `span` s, by the rates before and after it. */
 static double variance_lost(Vector before, Vector after, double span)
 {
-    return squared(span * (OF_RATE * sqrt(0.5 * (square(before) + square(after))) + AT_REST));
+    double sigma = span * (OF_RATE * sqrt(0.5 * (square(before) + square(after))) + AT_REST);
+    double of_change = span * smaller(OF_CHANGE, PER_SECOND * span);
+    return squared(sigma) + squared(of_change) * square(minus(after, before));
 }
 
 /* What a mean over `time` s is still worth after a turn of this variance. */
@@ -209,9 +236,8 @@ static inline Rotor corrected(Senses *senses, Earth *earth, const Learned *learn
 {
     double dt = pace.dt;
     if (usable(accel)) {
-        earth->time += dt;
+        earth->time = smaller(earth->time, LOW_PASS) + dt;
         double share = dt / earth->time;
-        earth->time = smaller(earth->time, LOW_PASS);
         Vector off = minus(rotate(predicted, accel), earth->up);
         earth->up = total(earth->up, times(share, off));
     } else {
@@ -262,17 +288,28 @@ static inline Rotor corrected(Senses *senses, Earth *earth, const Learned *learn
 /* senses.py */
 static const double FASTEST = 350.0; /* rad/s; no gyroscope measures more */
 
-/* What is known of a heading that one field told: given up if the next contradicts it. */
-static void confirm(Senses *senses, Earth *earth, Vector mag, Rotor rotor, double dt)
+/* What is known of a heading that one field told: given up if the next contradicts it. Returns the
+   field, or none if it is not to be taken. */
+static Vector confirm(Senses *senses, Earth *earth, Vector mag, Rotor rotor, double dt)
 {
     Vector found = rotate(rotor, mag);
     double level = found.x * found.x + found.y * found.y;
-    if (level <= LEVEL * LEVEL * square(found)) return;
-    int glitch = is_glitch(found, earth->field, senses->mag_age + dt, dt);
-    if (glitch || found.x < AGREEING * sqrt(level))
+    if (level <= LEVEL * LEVEL * square(found)) return mag;
+    int off = is_glitch(found, earth->field, senses->mag_age + dt, dt)
+           || found.x < AGREEING * sqrt(level), lost = square(earth->field) == 0.0;
+    double strength = square(mag), usual = square(senses->mag);
+    int other = senses->mag_age < SELDOM && larger(strength, usual) > TWICE * smaller(strength, usual);
+    if (lost && other) {
+        senses->mag_rejected++;
+        return (Vector){NAN, NAN, NAN};
+    }
+    if (off && lost)
+        senses->heading_known = 0;
+    else if (off)
         senses->heading_known -= FIRST_HEADING + 1, senses->mag_rejected++, earth->field = ZERO;
     else
         senses->heading_known = 1;
+    return mag;
 }
 
 /* Whether there is an attitude to start with, and which, in the sign of `predicted`. */
@@ -303,7 +340,7 @@ static int look(Senses *senses, Rotor turn, Vector accel, Vector mag, Rotor pred
 }
 
 /* stateful.py */
-static const double NEAR_UNIT = 1e-6;
+static const double NEAR_UNIT = 1e-6, BELIEVED = 0.5;
 
 /* Since the slow room looked back: time, corrections, rows; times since rows, the last step; the
    variance of turns that no rate told, and for how long a rate is being held. */
@@ -371,7 +408,7 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
 {
     const Learned *learned = &s->learned;
     Senses *senses = &s->senses;
-    Vector last = senses->rate, rate = gyro, force = accel, nudge = ZERO;
+    Vector last = senses->rate, rate = gyro, nudge = ZERO;
     int held = !(fabs(gyro.x) + fabs(gyro.y) + fabs(gyro.z) < FASTEST);
     if (held) rate = last, senses->gyro_rejected++;
     senses->rate = rate;
@@ -382,11 +419,6 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
         held_for = s->past.held_for + dt;
         lost = variance_lost(turn_rate, turn_rate, held_for);
         lost -= variance_lost(turn_rate, turn_rate, s->past.held_for);
-    } else if (is_gap(dt, s->past.step)) {
-        Vector before = true_rate(learned, last);
-        int may_be_none = is_far(rate, last, JUMP_OF_RATE);
-        lost = variance_lost(before, may_be_none ? before : turn_rate, dt);
-        turn_rate = middle(before, turn_rate), span = -dt;
     }
     Rotor turn = from_rate(turn_rate, dt), change = IDENTITY, rotor;
     double undone = 0.0;
@@ -407,17 +439,16 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
             if (!(better && late)) lost += variance_doubted(&s->seen, knock);
             if (better) turn = back, senses->gyro_rejected++;
         }
-        if (s->earth.time > 0.0 && is_far(accel, s->seen.force, JUMP_OF_FORCE)) {
-            accel = put_right(&s->seen, turn, accel);
-            if (square(minus(accel, force)) != 0.0) /* a start may have it */
-                undone = dt, senses->accel_rejected++;
+        if (span > 0.0 && s->earth.time > 0.0 && is_far(accel, s->seen.force, JUMP_OF_FORCE)) {
+            undone = put_right(&s->earth.up, s->earth.time, s->rotor, turn, &s->seen, accel);
+            senses->accel_rejected += undone > 0.0; /* a start may have it */
         }
     }
     /* What a start takes is in no low-pass, and nothing has turned by it. */
-    s->seen = dt > 0.0 ? (Seen){last, span, force, s->seen.force, s->earth.field}
+    s->seen = dt > 0.0 ? (Seen){last, span, accel, s->seen.force, s->earth.field}
                        : (Seen){last, 0.0, ZERO, ZERO, ZERO};
     if (lost > 0.0) {
-        s->earth.time = left_of(s->earth.time, lost);
+        s->earth.time = left_of(smaller(s->earth.time, LOW_PASS), lost);
         if (lost > MUCH_LOST) s->earth.field = ZERO;
         s->elapsed = left_of(smaller(s->elapsed, AVERAGED), lost);
     }
@@ -431,7 +462,7 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
     if (!starts) {
         if (s->past.time < WINDOW) nudge = times(0.5 * dt, learned->drift);
         if (senses->heading_known > 1 && heard(mag))
-            confirm(senses, &s->earth, mag, predicted, dt);
+            mag = confirm(senses, &s->earth, mag, predicted, dt);
         change = corrected(senses, &s->earth, learned, accel, mag, predicted, nudge, pace,
                            s->elapsed, &begins);
         rotor = product(change, predicted);
@@ -448,6 +479,92 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
         s->rotor = unit(rotor);
     s->predicted = predicted;
     passed(s, change, dt, lost, held_for, begins, starts);
+}
+
+/* Turn over a gap by the rates at its ends, and leave the rest of the sample to `resume`. */
+static void wait(State *s, Vector rate, Vector accel, Vector mag, double dt)
+{
+    Senses *senses = &s->senses;
+    Vector last = senses->rate, before = likely(s->seen.rate, last, rate);
+    Rotor turn = from_rate(true_rate(&s->learned, over_gap(before, rate)), dt);
+    turn = product(way_back(last, &s->seen, minus(before, last)), turn);
+    if (s->earth.time > 0.0 && is_far(accel, s->seen.force, JUMP_OF_FORCE))
+        senses->accel_rejected +=
+            put_right(&s->earth.up, s->earth.time, s->rotor, turn, &s->seen, accel) > 0.0;
+    senses->accel_rejected += !usable(accel);
+    senses->gyro_rejected += is_far(before, last, JUMP_OF_RATE);
+    senses->rate = rate;
+    senses->mag_age += dt;
+    if (heard(mag))
+        senses->mag = mag, senses->mag_age = 0.0; /* as it was measured */
+    else
+        senses->mag_rejected++;
+    s->seen = (Seen){before, -dt, accel, carried(turn, s->seen.force), s->seen.rate};
+    s->past.step = dt, s->past.held_for = 0.0;
+    s->predicted = s->rotor = unit(product(s->rotor, turn));
+    s->row = 0.0, s->due = 0;
+}
+
+/* Tell a gap anew, now that the second sample after it is there: of the two, no single bad one has
+   a say. Returns the step: 0 if all was lost in the gap. */
+static double resume(State *s, Vector gyro, Vector *accel, double dt)
+{
+    Senses *senses = &s->senses;
+    Past *past = &s->past;
+    Seen seen = s->seen;
+    int held = !(fabs(gyro.x) + fabs(gyro.y) + fabs(gyro.z) < FASTEST);
+    Vector last = senses->rate, rate = held ? last : gyro, earlier = seen.field;
+    Rotor turn = from_rate(true_rate(&s->learned, rate), dt);
+    Vector meant = likely(seen.rate, last, rate);
+    s->rotor = product(s->rotor, way_back(last, &seen, minus(meant, last)));
+    if (usable(seen.force) && usable(seen.force_before) && usable(*accel)) {
+        Vector second = rotate(turn, *accel);
+        Vector force = likely(seen.force_before, seen.force, second);
+        senses->accel_rejected += is_far(force, seen.force, JUMP_OF_FORCE)
+                               || is_far(force, second, JUMP_OF_FORCE);
+        *accel = carried(turn, force);
+    }
+    double span = -seen.span;
+    double lost = variance_doubted(&seen, shorter(minus(rate, meant), minus(meant, seen.rate)));
+    lost += larger(larger(variance_lost(seen.rate, last, span),
+                          variance_lost(seen.rate, rate, span)),
+                   larger(variance_lost(earlier, last, span), variance_lost(earlier, rate, span)));
+    int hears = senses->mag_age <= span + MAG_TIMEOUT && s->learned.trust > BELIEVED;
+    int starts = lost > ALL_LOST && (hears || senses->heading_known <= 0);
+    past->time += span, past->row_time += span, past->mag_row_time += span;
+    if (!starts) {
+        s->earth.time = left_of(smaller(s->earth.time, LOW_PASS), lost);
+        s->elapsed = left_of(smaller(s->elapsed, AVERAGED), lost);
+        if (lost > MUCH_LOST) {
+            s->earth.field = ZERO;
+            if (hears && senses->heading_known == 1) senses->heading_known = FIRST_HEADING;
+            past->time = past->row_time = past->mag_row_time = 0.0, past->rows = 0;
+        }
+    }
+    if (usable(*accel)) { /* it stands for the gap as well */
+        Vector up = rotate(product(s->rotor, turn), *accel);
+        s->earth.time += span;
+        s->earth.up = total(s->earth.up, times(span / s->earth.time, minus(up, s->earth.up)));
+    }
+    s->elapsed += span;
+    senses->gyro_rejected += is_far(meant, last, JUMP_OF_RATE);
+    senses->rate = meant;
+    s->seen = (Seen){seen.rate, 0.0, seen.force, seen.force_before, s->earth.field};
+    past->doubt += lost, past->held_for = 0.0;
+    s->row = 0.0, s->due = 0;
+    return starts ? 0.0 : dt;
+}
+
+/* A `step`, but after a gap, where a single bad sample would stand for all of it. */
+static inline void take(State *s, Gains gains, Vector gyro, Vector accel, Vector mag, double dt)
+{
+    if (dt > GAP && is_gap(dt, s->past.step)
+        && fabs(gyro.x) + fabs(gyro.y) + fabs(gyro.z) < FASTEST) {
+        wait(s, gyro, accel, mag, dt);
+        return;
+    }
+    if (s->seen.span < 0.0 && 0.0 < dt) dt = resume(s, gyro, &accel, dt);
+    step(s, gains, gyro, accel, mag, dt);
 }
 
 /* Write the sample that made the state into the log, as its last row. */
@@ -497,7 +614,7 @@ void run(long n, double alpha, double alpha_rate, const double *gyro, const doub
         if (steps[i] == steps[i]) {
             Vector g = {gyro[0], gyro[1], gyro[2]}, a = {accel[0], accel[1], accel[2]};
             Vector m = {mag[0], mag[1], mag[2]};
-            step(&s, gains, g, a, m, steps[i]);
+            take(&s, gains, g, a, m, steps[i]);
             if (s.row > 0.0) note(&memory, &s, a, m);
         }
         Rotor q = s.rotor;

@@ -12,6 +12,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from test_dcm import felt
 from test_learning import DEGREE, MICRO, WILD, errors_deg, inclination_deg, recording
+from test_learning import live as sample_by_sample
 
 from stateful_ahrs import filters
 from stateful_ahrs.evaluation.score import prepare
@@ -154,6 +155,95 @@ def test_so_is_one_of_fields_that_are_late_and_seldom(late, each, bad):
     first = np.flatnonzero(~np.isnan(samples.mag[:, 0]))[bad]
     for field in FIELDS:
         assert harmed(samples, "mag", first, tuple(field)) < 4.0, field
+
+
+GAPS = (0.02, 0.05, 0.2, 0.5, 0.9)  # s
+BAD = {  # of any direction
+    "gyro": (1.0, 3.0, 30.0, 150.0),
+    "accel": (5.0, 10.0, 50.0, 350.0),
+    "mag": (20e-6, 45e-6, 3e-4),
+}
+
+
+@pytest.fixture(scope="module")
+def with_gaps():
+    """By its length (s) and how often a field comes: a gap at 5 s, in motion."""
+    samples, truth = recording(9.0)
+    numbers = np.arange(len(samples))
+    made = {}
+    for gap in GAPS:
+        for each in (1, 5):
+            mag = np.where((numbers % each == 0)[:, None], samples.mag, math.nan)
+            kept = np.flatnonzero((numbers < 500) | (numbers >= 500 + round(gap * RATE)))
+            columns = (samples.stamps, samples.gyro, samples.accel, mag)
+            made[gap, each] = Samples(*(each[kept] for each in columns)), [truth[k] for k in kept]
+    return made
+
+
+def counts(f):
+    report = f.report
+    return report.gyro_rejected, report.accel_rejected, report.mag_rejected
+
+
+@pytest.mark.parametrize("gap", GAPS)
+@pytest.mark.parametrize("each", [1, 5])
+@pytest.mark.parametrize("sensor", BAD)
+def test_a_bad_sample_beside_a_gap_does_not_stand_for_all_of_it(with_gaps, gap, each, sensor):
+    samples, truth = with_gaps[gap, each]
+    unharmed = errors_deg(run(samples), truth)
+    rows = 500 + np.array([-1, 0, 1, 2])
+    if sensor == "mag":
+        heard = np.flatnonzero(~np.isnan(samples.mag[:, 0]))
+        rows = heard[np.searchsorted(heard, 500) + np.array([-1, 0, 1])]
+    for row in rows:
+        later = samples.stamps > samples.stamps[max(row, 500)] + 1e9
+        for direction in np.random.default_rng(row).normal(size=(3, 3)):
+            for size in BAD[sensor]:
+                column = getattr(samples, sensor).copy()
+                column[row] = size * direction / np.linalg.norm(direction)
+                errors = errors_deg(run(replace(samples, **{sensor: column})), truth)
+                assert (errors - unharmed)[later].max() < 5.0, (row, size, direction)
+
+
+@pytest.mark.parametrize("gap", GAPS)
+@pytest.mark.parametrize("each", [1, 5])
+def test_good_samples_beside_a_gap_are_taken_for_good(with_gaps, gap, each):
+    samples, truth = with_gaps[gap, each]
+    f = filters.make("stateful")
+    assert errors_deg(f.run(samples), truth)[600:].max() < 3.0
+    assert counts(f) == (0, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("row", "sensor", "value", "counted"),
+    [
+        (-1, "gyro", 30.0, (1, 0, 0)),
+        (0, "gyro", 30.0, (1, 0, 0)),
+        (-1, "accel", 60.0, (0, 1, 0)),
+        (0, "accel", 60.0, (0, 1, 0)),
+        (1, "accel", 60.0, (0, 1, 0)),
+        (0, "accel", math.nan, (0, 1, 0)),
+        (1, "accel", math.nan, (0, 1, 0)),
+        (0, "mag", 0.0, (0, 0, 1)),
+        (1, "mag", 3e-4, (0, 0, 1)),
+    ],
+)
+def test_a_bad_sample_beside_a_gap_is_counted(with_gaps, row, sensor, value, counted):
+    samples, _ = with_gaps[0.2, 1]
+    column = getattr(samples, sensor).copy()
+    column[500 + row] = value
+    f = filters.make("stateful")
+    f.run(replace(samples, **{sensor: column}))
+    assert counts(f) == counted
+
+
+@pytest.mark.parametrize("gap", [0.2, 0.9])
+def test_a_gap_is_the_same_live(with_gaps, gap):
+    samples, _ = with_gaps[gap, 5]
+    f, online = filters.make("stateful"), filters.make("stateful")
+    offline = f.run(samples)
+    assert sample_by_sample(samples, online) == pytest.approx(offline, abs=1e-9)
+    assert counts(online) == counts(f)
 
 
 def live(f, fields, dt=0.01):

@@ -18,6 +18,7 @@ from types import FunctionType, ModuleType
 from typing import Any
 
 PACKAGE = __name__.partition(".")[0]
+LONGEST = 150  # letters: names become names of files in numba's cache
 
 
 @functools.cache
@@ -59,7 +60,12 @@ def cold() -> bool:
 def bind(kernel: Callable[..., Any], **kernels: Callable[..., Any]) -> Callable[..., Any]:
     """A twin of the kernel that calls these where its source says their names."""
     bound = (f"{k.__module__.rpartition('.')[2]}_{k.__qualname__}" for k in kernels.values())
-    return twin(kernel, kernels, "_of_".join([kernel.__qualname__, *bound]))
+    name = "_of_".join([kernel.__qualname__, *bound])
+    if len(name) > LONGEST:
+        import hashlib  # as above: only what compiles has need of it
+
+        name = f"{kernel.__qualname__}_of_{hashlib.sha256(name.encode()).hexdigest()[:16]}"
+    return twin(kernel, kernels, name)
 
 
 @functools.cache

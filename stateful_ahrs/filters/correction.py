@@ -70,10 +70,8 @@ def corrected(
     (north, west, up), time, field = earth
     has_up = usable(accel)
     if has_up:
-        time += dt
+        time = min(time, LOW_PASS) + dt
         share = dt / time
-        if time > LOW_PASS:
-            time = LOW_PASS
         x, y, z = rotate(predicted, accel)
         north, west, up = (
             north + share * (x - north),

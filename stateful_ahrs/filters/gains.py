@@ -52,7 +52,7 @@ def gains(settings: Settings) -> Gains:
         settings.stateful,
         settings.normalise,
         settings.average_start,
-        settings.despike,
+        settings.despike and turns,
         settings.low_pass and turns,
         settings.corrects,
         learns,
@@ -63,7 +63,7 @@ def gains(settings: Settings) -> Gains:
 
 def plain_gains(settings: Settings) -> Gains:
     """The same for a kernel that knows the plain blend alone, and no slow room."""
-    return gains(settings)._replace(turns=False, low_pass=False, learns=False)
+    return gains(settings)._replace(turns=False, despike=False, low_pass=False, learns=False)
 
 
 def weight_of_gyro(alpha: float, alpha_rate: float, span: float) -> float:

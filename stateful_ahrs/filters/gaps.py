@@ -9,15 +9,17 @@ from __future__ import annotations
 
 import math
 
-from ..rotor import Vector
+from ..rotor import Vector, minus
 from .spikes import square
 
 GAP = 0.03  # s: no step so short is one
 MISSING = 3.0  # of the last step: a longer one is a gap
 OF_RATE = 0.3  # of the rates at its ends: how far (standard deviation) that between is off
+OF_CHANGE, PER_SECOND = 0.4, 1.5  # likewise of their difference; less in a gap below 0.27 s
 AT_REST = 0.1  # rad/s: likewise where the sensor rests before and after
 SURE = 0.05  # rad² s: variance of a mean of snapshots, times the time that it is of
 MUCH_LOST = 0.003  # rad²: the slow room should know at once, and the last field be forgotten
+ALL_LOST = 0.06  # rad²: 14°, and a start is nearer
 
 
 def is_gap(dt: float, last: float) -> bool:
@@ -31,7 +33,8 @@ def is_gap(dt: float, last: float) -> bool:
 def variance_lost(before: Vector, after: Vector, span: float) -> float:
     """Variance (rad²) of a turn that took ``span`` s, by the rates (rad/s) before and after it."""
     sigma = span * (OF_RATE * math.sqrt(0.5 * (square(before) + square(after))) + AT_REST)
-    return sigma * sigma
+    of_change = span * min(OF_CHANGE, PER_SECOND * span)
+    return sigma * sigma + of_change * of_change * square(minus(after, before))
 
 
 def left_of(time: float, lost: float) -> float:

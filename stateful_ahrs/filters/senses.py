@@ -176,27 +176,14 @@ def look(
     return now, found, from_mag, begins and found, rotor
 
 
-def afresh(senses: Senses) -> Senses:
-    """As before a start, which is rejected; no field is carried by a turn that may be none."""
-    (
-        rate, mag, _, _, _, turned, sign_corrections, gyro_rejected, accel_rejected,
-        mag_rejected,
-    ) = senses  # fmt: skip
+def amended(
+    senses: Senses, started: bool, heading_known: int, mag_age: float, accel_rejected: int
+) -> Senses:
+    """The same, but for these."""
+    rate, mag, _, _, _, turned, sign_corrections, gyro_rejected, _, mag_rejected = senses
     return Senses(
-        rate, mag, math.inf, False, 0, turned, sign_corrections, gyro_rejected, accel_rejected + 1,
-        mag_rejected,
-    )  # fmt: skip
-
-
-def without_last_force(senses: Senses) -> Senses:
-    """As before, but that the last force is counted as rejected."""
-    (
         rate, mag, mag_age, started, heading_known, turned, sign_corrections, gyro_rejected,
         accel_rejected, mag_rejected,
-    ) = senses  # fmt: skip
-    return Senses(
-        rate, mag, mag_age, started, heading_known, turned, sign_corrections, gyro_rejected,
-        accel_rejected + 1, mag_rejected,
     )  # fmt: skip
 
 

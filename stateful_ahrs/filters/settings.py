@@ -35,7 +35,8 @@ class Settings:
     alpha: float = 0.9967  # weight of the gyroscope path over 1 / alpha_rate
     alpha_rate: float = 100.0  # Hz; 0: alpha applies to each sample, as in the paper
     alpha_heading: float = -1.0  # the same for heading; negative: as weigh_mag finds, or alpha
-    # False: the snapshot keeps its own sign, the paper's baseline, without low_pass, alpha_heading
+    # False: the snapshot keeps its own sign, the paper's baseline, without low_pass, despike,
+    # alpha_heading
     stateful: bool = True
     use_mag: bool = True
     mag_timeout: float = 0.5  # older than this a magnetometer sample is stale

@@ -14,9 +14,9 @@ from __future__ import annotations
 
 import math
 
-from ..rotor import Rotor, Vector, carried, conjugate, from_rate, minus, product, rotate, total
+from ..rotor import Rotor, Vector, conjugate, from_rate, minus, product, rotate, total
 from .learning import LEVEL
-from .senses import FIRST_HEADING, STRONGEST, Senses, heard, usable
+from .senses import FIRST_HEADING, Senses, heard, usable
 
 ZERO: Vector = (0.0, 0.0, 0.0)
 JUMP_OF_RATE = 4.0  # rad/s
@@ -27,6 +27,7 @@ BETTER = 0.25  # of a misfit: half of the angle
 ABRUPT = 400.0  # rad/s²: in no motion does a rate come and go as fast
 AGREEING = math.cos(math.radians(14.0))  # of the angle between two starts
 STAYS = 0.25  # s: after as long nothing is a glitch
+TWICE = 4.0  # of the square of a field
 SELDOM = 1.0  # s: likewise of a field, where none came between that was rejected
 
 
@@ -46,6 +47,34 @@ def is_far(u: Vector, v: Vector, jump: float) -> bool:
     return x * x + y * y + z * z > jump * jump
 
 
+def cleared(
+    rotor: Rotor,
+    turn: Rotor,
+    rate: Vector,
+    last: Vector,
+    seen: Seen,
+    accel: Vector,
+    mag: Vector,
+    mean: Vector,
+    time: float,
+    elapsed: float,
+    dt: float,
+) -> tuple[Rotor, int, float, Vector, float]:
+    """What becomes of a step of ``dt`` s by ``turn`` where the last rate or force may be none.
+
+    Takes the rotor before the step (sensor → earth), the rate and the last one (rad/s), specific
+    force (m/s²) and field of this sample, the mean of forces (m/s², earth frame) over ``time`` s, 0
+    if there is none, and the time since the start (s). Returns turn, whether it takes back the last
+    one, and variance as `judged` does, mean and time as `put_right` does.
+    """
+    taken_back, doubt, undone = 0, 0.0, 0.0
+    if is_far(rate, last, JUMP_OF_RATE):
+        turn, taken_back, doubt = judged(rotor, turn, rate, last, seen, accel, mag, elapsed, dt)
+    if time > 0.0 and is_far(accel, seen[2], JUMP_OF_FORCE):
+        mean, undone = put_right(mean, time, rotor, turn, seen, accel)
+    return turn, taken_back, doubt, mean, undone
+
+
 def judged(
     rotor: Rotor,
     turn: Rotor,
@@ -57,12 +86,10 @@ def judged(
     elapsed: float,
     dt: float,
 ) -> tuple[Rotor, int, float]:
-    """What becomes of a step of ``dt`` s by ``turn``, where the last rate may have been none.
+    """Whether a step takes back the last rate; the arguments are those of `cleared`.
 
-    Takes the rotor before the step (sensor → earth), the rate and the last one (rad/s), specific
-    force (m/s²) and field of this sample, and the time since the start (s). Returns the turn, which
-    takes back the last one or not; whether it does; and the variance (rad²) of the last one where
-    that stays open.
+    Returns the turn, which takes back the last one or not; whether it does; and the variance (rad²)
+    of the last one where that stays open.
     """
     knock = to_neighbours(last, seen[0], rate, JUMP_OF_RATE)
     if knock == ZERO:
@@ -81,7 +108,7 @@ def way_back(last: Vector, seen: Seen, knock: Vector) -> Rotor:
     before, span, _, _, _ = seen
     meant = total(last, knock)
     if span < 0.0:
-        span, last, meant = -span, middle(before, last), middle(before, meant)
+        span, last, meant = -span, over_gap(before, last), middle(before, meant)
     return product(conjugate(from_rate(last, span)), from_rate(meant, span))
 
 
@@ -112,12 +139,13 @@ def contradicts(rotor: Rotor, seen: Seen, accel: Vector) -> bool:
 
 def confirmed(
     senses: Senses, field: Vector, mag: Vector, rotor: Rotor, dt: float, judged: bool
-) -> tuple[Senses, Vector]:
+) -> tuple[Senses, Vector, Vector]:
     """What is known of a heading that one ``field`` (earth frame) told, now that the next came.
 
     It is given up if they contradict, but not three times in a row; and so is the field. The next
     one, ``mag``, is in the sensor frame, and ``rotor`` (sensor → earth) predicted; if it is not to
-    be ``judged``, it confirms, and if it is along gravity, it does not.
+    be ``judged``, it confirms, and if it is along gravity, it does not. After a gap, of which no
+    field is left, one twice or half as strong as the last is not taken: then ``mag`` is NaN.
     """
     (
         rate, last_mag, mag_age, started, heading_known, turned, sign_corrections, gyro_rejected,
@@ -127,9 +155,16 @@ def confirmed(
     x, y, _ = found
     level = x * x + y * y
     if level <= LEVEL * LEVEL * square(found):
-        return senses, field
+        return senses, field, mag
     off = is_glitch(found, field, mag_age + dt, dt) or x < AGREEING * math.sqrt(level)
-    if judged and off:
+    strength, usual = square(mag), square(last_mag)
+    other = mag_age < SELDOM and max(strength, usual) > TWICE * min(strength, usual)
+    if judged and field == ZERO and other:
+        mag_rejected += 1
+        mag = (math.nan, math.nan, math.nan)
+    elif judged and off and field == ZERO:
+        heading_known = 0
+    elif judged and off:
         heading_known -= FIRST_HEADING + 1
         mag_rejected += 1
         field = ZERO
@@ -139,7 +174,7 @@ def confirmed(
         rate, last_mag, mag_age, started, heading_known, turned, sign_corrections, gyro_rejected,
         accel_rejected, mag_rejected,
     )  # fmt: skip
-    return senses, field
+    return senses, field, mag
 
 
 def misfit(rotor: Rotor, accel: Vector, mag: Vector, field: Vector) -> float:
@@ -158,20 +193,23 @@ def misfit(rotor: Rotor, accel: Vector, mag: Vector, field: Vector) -> float:
     return found
 
 
-def put_right(seen: Seen, turn: Rotor, accel: Vector) -> Vector:
-    """The force that undoes in a low-pass, which is linear, what the last did if it was none."""
-    _, _, force, before, _ = seen
-    if not usable(force):
-        return accel
-    knock = to_neighbours(force, before, accel, JUMP_OF_FORCE)
-    if square(knock) == 0.0:
-        return accel
-    x, y, z = total(accel, carried(turn, knock))
-    length = math.sqrt(x * x + y * y + z * z)
-    if length >= STRONGEST:  # it would be taken for none itself
-        scale = 0.99 * STRONGEST / length
-        x, y, z = scale * x, scale * y, scale * z
-    return (x, y, z)
+def put_right(
+    mean: Vector, time: float, rotor: Rotor, turn: Rotor, seen: Seen, accel: Vector
+) -> tuple[Vector, float]:
+    """A mean of forces (earth frame) over ``time`` s without the last one, if that was none.
+
+    ``rotor`` (sensor → earth) is that of the last, ``turn`` the one since, ``accel`` (m/s²) what
+    came after it. Also returns for how long (s) it counted, 0 if it stays.
+    """
+    _, span, force, before, _ = seen
+    if not (usable(force) and span > 0.0):
+        return mean, 0.0
+    knock = to_neighbours(force, before, rotate(turn, accel), JUMP_OF_FORCE)
+    if knock == ZERO:
+        return mean, 0.0
+    share = span / time
+    x, y, z = rotate(rotor, knock)
+    return (mean[0] + share * x, mean[1] + share * y, mean[2] + share * z), span
 
 
 def to_neighbours(last: Vector, before: Vector, after: Vector, jump: float) -> Vector:
@@ -191,6 +229,35 @@ def is_glitch(mag: Vector, last: Vector, age: float, dt: float) -> bool:
     if last == ZERO or age - dt >= SELDOM or dt >= STAYS:
         return False
     return square(minus(mag, last)) > min(square(mag), square(last))
+
+
+def likely(before: Vector, last: Vector, after: Vector) -> Vector:
+    """What the last vector was if one of the three may be none.
+
+    It is the odd one if the next is nearer to the one before; then their median, axis by axis.
+    """
+    if square(minus(after, before)) > square(minus(last, before)):
+        return last
+    return (
+        of_three(before[0], last[0], after[0]),
+        of_three(before[1], last[1], after[1]),
+        of_three(before[2], last[2], after[2]),
+    )
+
+
+def of_three(a: float, b: float, c: float) -> float:
+    """Neither the least nor the largest."""
+    return max(min(a, b), min(max(a, b), c))
+
+
+def shorter(u: Vector, v: Vector) -> Vector:
+    """Of two vectors."""
+    return u if square(u) < square(v) else v
+
+
+def over_gap(before: Vector, after: Vector) -> Vector:
+    """The rate (rad/s) in a gap, by those at its ends: if far apart, the latter may be none."""
+    return before if is_far(before, after, JUMP_OF_RATE) else middle(before, after)
 
 
 def middle(u: Vector, v: Vector) -> Vector:

@@ -43,6 +43,7 @@ from ..rotor import (
     blend,
     carried,
     from_rate,
+    minus,
     negative,
     product,
     rotate,
@@ -62,11 +63,12 @@ from .gains import (
     plain_gains,
     weight_of_gyro,
 )
-from .gaps import GAP, MUCH_LOST, is_gap, left_of, variance_lost
+from .gaps import ALL_LOST, GAP, MUCH_LOST, is_gap, left_of, variance_lost
 from .kernel import Kernel, KernelFilter, Report
 from .learning import (
     COLUMNS,
     LOG,
+    LOW_PASS,
     ROW_TIME,
     ROWS,
     SIZE,
@@ -84,7 +86,7 @@ from .learning import (
     start_anew,
 )
 from .samples import Array, Samples
-from .senses import Senses, afresh, heard, held, look, usable, without_last_force
+from .senses import FIRST_HEADING, Senses, amended, heard, held, look, usable
 from .settings import DEFAULTS, Known
 from .settings import Settings as Settings
 from .spikes import (
@@ -94,16 +96,22 @@ from .spikes import (
     UNSEEN,
     ZERO,
     Seen,
+    cleared,
     confirmed,
     contradicts,
     is_far,
-    judged,
+    likely,
     middle,
+    over_gap,
     put_right,
+    shorter,
+    variance_doubted,
+    way_back,
 )
 from .stamps import steps
 
 NEAR_UNIT = 1e-6  # of the square of a length: one step of Newton is then as good as the root
+BELIEVED = 0.5  # trust of a field one standard deviation off
 DISTURBED = 0.05  # trust of a field three standard deviations off
 
 
@@ -219,27 +227,29 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
             last, learned, past, rate, turn_rate, gyro_rejected, dt
         )
     turn = from_rate(turn_rate, dt)
-    force, undone = accel, 0.0
+    undone = 0.0
     if despike:
         if 0.0 < dt < STAYS:
             second = average_start and elapsed == 0.0 == earth[1] and last.started
             if second and contradicts(predict(rotor, turn), seen, accel):
-                last, span = afresh(last), 0.0
-            if span > 0.0 and is_far(rate, last.rate, JUMP_OF_RATE):
-                turn, taken_back, doubt = judged(
-                    rotor, turn, rate, last.rate, seen, accel, mag, elapsed, dt
+                # No field is carried by a turn that may be none.
+                last, span = amended(last, False, 0, math.inf, last.accel_rejected + 1), 0.0
+            if span > 0.0 and (
+                is_far(rate, last.rate, JUMP_OF_RATE) or is_far(accel, seen[2], JUMP_OF_FORCE)
+            ):
+                time = earth[1] if low_pass else 0.0
+                turn, taken_back, doubt, mean, undone = cleared(
+                    rotor, turn, rate, last.rate, seen, accel, mag, earth[0], time, elapsed, dt
                 )
+                earth = (mean, earth[1], earth[2])
                 gyro_rejected += taken_back
+                accel_rejected = last.accel_rejected + int(undone > 0.0)
+                last = amended(last, last.started, last.heading_known, last.mag_age, accel_rejected)
                 if learns:
                     lost += doubt
-            if low_pass and earth[1] > 0.0 and is_far(accel, seen[2], JUMP_OF_FORCE):
-                accel = put_right(seen, turn, accel)
-                if accel != force:
-                    undone = dt  # s: the start may have taken whole what this undoes
-                    last = without_last_force(last)
         # What a start takes is in no low-pass, and nothing has turned by it.
         seen = (
-            (last.rate, span, force, seen[2], earth[2])
+            (last.rate, span, accel, seen[2], earth[2])
             if dt > 0.0
             else (last.rate, 0.0, ZERO, ZERO, ZERO)
         )
@@ -247,7 +257,7 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
         mean, time, field = earth
         if lost > MUCH_LOST:
             field = ZERO  # the next may be anywhere
-        earth = (mean, left_of(time, lost), field)
+        earth = (mean, left_of(min(time, LOW_PASS), lost), field)
         elapsed = left_of(min(elapsed, AVERAGED), lost)
     predicted = predict(rotor, turn)
     if dt != pace[0]:
@@ -269,7 +279,7 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
         if last.heading_known > 1 and heard(mag):
             told = despike and average_start and sources.use_mag
             told = told and alpha < 1.0 and gains.alpha_heading < 1.0
-            last, field = confirmed(last, earth[2], mag, predicted, dt, told)
+            last, field, mag = confirmed(last, earth[2], mag, predicted, dt, told)
             earth = (earth[0], earth[1], field)
         senses, earth, begins, change = corrected(
             last, earth, gains, learned, rate, gyro_rejected, accel, mag, predicted, nudge,
@@ -305,6 +315,128 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
         fresh = sources.use_mag and senses.mag_age == 0.0
         past, row, due = passed(past, fresh, change, elapsed, dt, lost, held_for, begins, starts)
     return State(rotor, senses, elapsed, predicted, pace, learned, past, row, due, seen, earth)
+
+
+def take(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, dt: float) -> State:
+    """A `step`, but after a gap, where a single bad sample would stand for all of it.
+
+    There the first sample waits for the second, and of the two no single bad one has a say.
+    """
+    if gains.learns and gains.despike:
+        if dt > GAP and is_gap(dt, state.past[5]):
+            rate, gyro_rejected = held(state.senses, gyro)
+            if gyro_rejected == state.senses.gyro_rejected:
+                return wait(state, rate, accel, mag, dt)
+        if state.seen[1] < 0.0 < dt:
+            state, accel, mag, dt = resume(state, gains, gyro, accel, mag, dt)
+    return step(state, gains, gyro, accel, mag, dt)
+
+
+def wait(state: State, rate: Vector, accel: Vector, mag: Vector, dt: float) -> State:
+    """Turn over a gap by the rates at its ends, and leave the rest of the sample to `resume`."""
+    rotor, last, elapsed, _, pace, learned, past, _, _, seen, earth = state
+    before = likely(seen[0], last.rate, rate)
+    turn = from_rate(true_rate(learned, over_gap(before, rate)), dt)
+    turn = product(way_back(last.rate, seen, minus(before, last.rate)), turn)
+    undone = 0.0
+    if earth[1] > 0.0 and is_far(accel, seen[2], JUMP_OF_FORCE):
+        mean, undone = put_right(earth[0], earth[1], rotor, turn, seen, accel)
+        earth = (mean, earth[1], earth[2])
+    fresh = heard(mag)
+    came = mag[0] == mag[0] or mag[1] == mag[1] or mag[2] == mag[2]
+    senses = Senses(
+        rate,
+        mag if fresh else last.mag,  # as it was measured
+        0.0 if fresh else last.mag_age + dt,
+        last.started,
+        last.heading_known,
+        last.turned,
+        last.sign_corrections,
+        last.gyro_rejected + int(is_far(before, last.rate, JUMP_OF_RATE)),
+        last.accel_rejected + int(undone > 0.0) + int(not usable(accel)),
+        last.mag_rejected + int(came and not fresh),
+    )
+    seen = (before, -dt, accel, carried(turn, seen[2]), seen[0])
+    time, applied, rows, row_time, mag_row_time, _, doubt, _ = past
+    past = (time, applied, rows, row_time, mag_row_time, dt, doubt, 0.0)
+    rotor = unit(product(rotor, turn))
+    return State(rotor, senses, elapsed, rotor, pace, learned, past, 0.0, False, seen, earth)
+
+
+def resume(
+    state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, dt: float
+) -> tuple[State, Vector, Vector, float]:
+    """Tell a gap anew, now that the second sample after it is there.
+
+    Returns the state as if the first had been the `likely` one, and the sample, with the likely
+    force of both, for `step`. Its ``dt`` is 0, and it starts anew, if all was lost in the gap.
+    """
+    rotor, last, elapsed, predicted, pace, learned, past, _, _, seen, earth = state
+    before, span, first, force_before, earlier = seen
+    mean, time, field = earth
+    rate, _ = held(last, gyro)
+    turn = from_rate(true_rate(learned, rate), dt)
+    if mag[0] != mag[0] and last.mag_age == 0.0:
+        mag = carried(turn, last.mag)
+
+    meant = likely(before, last.rate, rate)
+    rotor = product(rotor, way_back(last.rate, seen, minus(meant, last.rate)))
+    rejected = 0
+    if usable(first) and usable(force_before) and usable(accel):
+        second = rotate(turn, accel)
+        force = likely(force_before, first, second)
+        rejected = int(is_far(force, first, JUMP_OF_FORCE) or is_far(force, second, JUMP_OF_FORCE))
+        accel = carried(turn, force)
+
+    lost = variance_doubted(seen, shorter(minus(rate, meant), minus(meant, before)))
+    span = -span
+    lost += max(
+        max(variance_lost(before, last.rate, span), variance_lost(before, rate, span)),
+        max(variance_lost(earlier, last.rate, span), variance_lost(earlier, rate, span)),
+    )
+    heading_known = last.heading_known
+    hears = last.mag_age <= span + gains.sources.mag_timeout and learned.trust > BELIEVED
+    follows = gains.alpha < 1.0 and gains.alpha_heading < 1.0
+    starts = follows and lost > ALL_LOST and (hears or heading_known <= 0)
+    since, applied, rows, row_time, mag_row_time, last_step, doubt, _ = past
+    since, row_time, mag_row_time = since + span, row_time + span, mag_row_time + span
+    if follows and not starts:
+        time = left_of(min(time, LOW_PASS), lost)
+        elapsed = left_of(min(elapsed, AVERAGED), lost)
+        if lost > MUCH_LOST:
+            field = ZERO  # the next may be anywhere
+            if hears and heading_known == 1:  # it is to confirm the heading
+                heading_known = FIRST_HEADING
+            since, rows, row_time, mag_row_time = 0.0, 0, 0.0, 0.0  # they would outvote the next
+    if usable(accel):  # it stands for the gap as well
+        x, y, z = rotate(product(rotor, turn), accel)
+        time += span
+        share = span / time
+        mean = (
+            mean[0] + share * (x - mean[0]),
+            mean[1] + share * (y - mean[1]),
+            mean[2] + share * (z - mean[2]),
+        )
+    elapsed += span
+    senses = Senses(
+        meant,
+        last.mag,
+        last.mag_age,
+        last.started,
+        heading_known,
+        last.turned,
+        last.sign_corrections,
+        last.gyro_rejected + int(is_far(meant, last.rate, JUMP_OF_RATE)),
+        last.accel_rejected + rejected,
+        last.mag_rejected,
+    )
+    seen = (before, 0.0, first, force_before, field)
+    past = (since, applied, rows, row_time, mag_row_time, last_step, doubt + lost, 0.0)
+    earth = (mean, time, field)
+    state = State(
+        rotor, senses, elapsed, predicted, pace, learned, past, 0.0, False, seen, earth,
+    )  # fmt: skip
+    return state, accel, mag, 0.0 if starts else dt
 
 
 def passed(
@@ -432,7 +564,7 @@ def run(
             if dts[i] == dts[i]:
                 a = (accel[i, 0], accel[i, 1], accel[i, 2])
                 m = (mag[i, 0], mag[i, 1], mag[i, 2])
-                state = step(state, gains, (gyro[i, 0], gyro[i, 1], gyro[i, 2]), a, m, dts[i])
+                state = take(state, gains, (gyro[i, 0], gyro[i, 1], gyro[i, 2]), a, m, dts[i])
                 if state.row > 0.0:
                     note(memory, state, a, m)
             q = state.rotor
@@ -450,8 +582,18 @@ def runner() -> Callable[..., Any]:
     once = packed(measure, memory, 1.0, 1.0)  # in one place: else the code would fill the cache
     slow = bind(learn, measure=once, hear=bind(hear, measure=once))
     slow = packed(slow, memory, Room(), Learned(), window, gains(DEFAULTS).chosen)
-    rare = packed(judged, IDENTITY, IDENTITY, ZERO, ZERO, UNSEEN, ZERO, ZERO, 1.0, 1.0)
-    often = bind(run, step=bind(step, judged=rare), look_back=bind(look_back, learn=slow))
+    rare = {
+        "cleared": packed(
+            cleared, IDENTITY, IDENTITY, ZERO, ZERO, UNSEEN, ZERO, ZERO, ZERO, 1.0, 1.0, 1.0
+        ),
+    }
+    sample = ZERO, ZERO, ZERO, 1.0
+    after_gap = {
+        "wait": packed(wait, State(), *sample),
+        "resume": packed(resume, State(), gains(DEFAULTS), *sample),
+    }
+    taking = bind(take, step=bind(step, **rare), **after_gap)
+    often = bind(run, take=taking, look_back=bind(look_back, learn=slow))
     return compiled(often, inline=True, fused=True)
 
 
@@ -467,8 +609,23 @@ def unguessed(
     return turn_rate, 0.0, 0.0, 0.0
 
 
-# As `step` if the gains have no ``turns`` and no ``learns``.
-PLAIN = bind(step, corrected=uncorrected, guessed=unguessed)
+def uncleared(
+    rotor: Rotor,
+    turn: Rotor,
+    rate: Vector,
+    last: Vector,
+    seen: Seen,
+    accel: Vector,
+    mag: Vector,
+    mean: Vector,
+    *_: object,
+) -> tuple[Rotor, int, float, Vector, float]:
+    """Likewise for `cleared`."""
+    return turn, 0, 0.0, mean, 0.0
+
+
+# As `step` if the gains have no ``turns``, and so no ``despike`` and no ``learns``.
+PLAIN = bind(step, corrected=uncorrected, guessed=unguessed, cleared=uncleared)
 STATEFUL = Kernel(step, State(), gains)
 PRINTED = Kernel(bind(PLAIN, predict=predict_as_printed), State(), plain_gains)
 
@@ -518,7 +675,7 @@ class StatefulFilter(KernelFilter):
         if before.due:
             before, self._room = look_back(before, self._room, self._memory, self._gains)
             self._before = before
-        state = self._state = step(before, self._gains, gyro, accel, mag, dt)
+        state = self._state = take(before, self._gains, gyro, accel, mag, dt)
         if state.row > 0.0:
             note(self._memory, state, accel, mag)
 
@@ -526,6 +683,8 @@ class StatefulFilter(KernelFilter):
         super()._changed()
         gains, was = self._gains, self._was
         self._was = gains
+        if gains.despike != was.despike or gains.learns != was.learns:
+            self._put(seen=UNSEEN)
         if gains.turns and not was.turns:  # of a rotor of length one, with a fresh mean of up
             self._state = self._state._replace(rotor=unit(self._state.rotor))
             self._before = self._before._replace(rotor=unit(self._before.rotor))
