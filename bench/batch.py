@@ -72,7 +72,7 @@ def eventful(samples: Samples) -> Samples:
     mag[3 * quarter : 3 * quarter + 100] = 0.0
     stamps = samples.stamps.copy()
     stamps[5500:] += 15_000_000 * np.minimum(np.arange(len(stamps) - 5500), 100)
-    for row, lost in zip([*after, quarter], [5, 10, 10, 10, 20, 40, 80]):
+    for row, lost in zip([*after, quarter], [5, 10, 10, 10, 20, 40, 80], strict=True):
         stamps[row:] += lost * 10_000_000
     stamps[3 * quarter :] += 2_000_000_000  # a new start, without a field
     return Samples(stamps, gyro, accel, mag)

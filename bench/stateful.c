@@ -500,6 +500,9 @@ static void wait(State *s, Vector rate, Vector accel, Vector mag, double dt)
     else
         senses->mag_rejected++;
     s->seen = (Seen){before, -dt, accel, carried(turn, s->seen.force), s->seen.rate};
+    double lost = variance_lost(before, rate, dt);
+    s->learned.heading_stddev = sqrt(squared(s->learned.heading_stddev) + lost);
+    s->learned.tilt_stddev = sqrt(squared(s->learned.tilt_stddev) + lost);
     s->past.step = dt, s->past.held_for = 0.0;
     s->predicted = s->rotor = unit(product(s->rotor, turn));
     s->row = 0.0, s->due = 0;

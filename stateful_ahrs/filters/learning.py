@@ -586,6 +586,17 @@ def told(
     )  # fmt: skip
 
 
+def less_sure(learned: Learned, variance: float) -> Learned:
+    """The same, with that variance (rad²) more of tilt and heading, until the slow room says."""
+    heading = math.sqrt(learned.heading_stddev**2 + variance)
+    tilt = math.sqrt(learned.tilt_stddev**2 + variance)
+    return Learned(
+        learned.bias, learned.row_x, learned.row_y, learned.row_z, learned.delay,
+        learned.hard_iron, learned.trust, learned.heading_rate, learned.drift, heading, tilt,
+        learned.resting,
+    )  # fmt: skip
+
+
 def delay_of(delay: Delay, sums: Sums, trust: float) -> Delay:
     """The field stands still in the earth frame, so what moves with R(ω×m) is delay."""
     n, time = sums.heard, sums.time

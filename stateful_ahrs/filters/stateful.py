@@ -81,6 +81,7 @@ from .learning import (
     first_heading,
     hear,
     learn,
+    less_sure,
     measure,
     memory,
     start_anew,
@@ -359,6 +360,7 @@ def wait(state: State, rate: Vector, accel: Vector, mag: Vector, dt: float) -> S
     seen = (before, -dt, accel, carried(turn, seen[2]), seen[0])
     time, applied, rows, row_time, mag_row_time, _, doubt, _ = past
     past = (time, applied, rows, row_time, mag_row_time, dt, doubt, 0.0)
+    learned = less_sure(learned, variance_lost(before, rate, dt))
     rotor = unit(product(rotor, turn))
     return State(rotor, senses, elapsed, rotor, pace, learned, past, 0.0, False, seen, earth)
 
