@@ -122,7 +122,7 @@ def test_heading_goes_as_fast_with_a_slow_magnetometer(every):
     ends = []
     for each in (1, every):
         f = filters.make("stateful", unlearning(alpha_heading=0.99))
-        fed(f, [at_rest()])
+        fed(f, [at_rest()] * 2)  # one heading, and one that confirms it
         ends.append(fed(f, [at_rest(0.5, mag=k % each == 0) for k in range(1, 101)]))
     whole, part = ends
     assert 0.2 < whole < 0.4

@@ -231,7 +231,7 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
     undone = 0.0
     if despike:
         if 0.0 < dt < STAYS:
-            second = average_start and elapsed == 0.0 == earth[1] and last.started
+            second = elapsed == 0.0 == earth[1] and last.started
             if second and contradicts(predict(rotor, turn), seen, accel):
                 # No field is carried by a turn that may be none.
                 last, span = amended(last, False, 0, math.inf, last.accel_rejected + 1), 0.0
@@ -278,7 +278,7 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
             half = 0.5 * dt
             nudge = (half * x, half * y, half * z)
         if last.heading_known > 1 and heard(mag):
-            told = despike and average_start and sources.use_mag
+            told = despike and sources.use_mag
             told = told and alpha < 1.0 and gains.alpha_heading < 1.0
             last, field, mag = confirmed(last, earth[2], mag, predicted, dt, told)
             earth = (earth[0], earth[1], field)
