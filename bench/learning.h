@@ -135,6 +135,17 @@ static void start_anew(Memory *m, Room *room, Learned *learned)
     learned->resting = 0;
 }
 
+/* After a gap in which the attitude was lost; sensors and field are as they were. */
+static void attitude_lost(Memory *m, Room *room, Learned *learned)
+{
+    forget_attitude(m);
+    room->elapsed = 0.0, room->rest_windows = 0;
+    learned->heading_rate = 0.0, learned->drift = ZERO;
+    learned->heading_stddev = HEADING_SHARE * HEADING_AT_START;
+    learned->tilt_stddev = TILT_SHARE * TILT_AT_START;
+    learned->resting = 0;
+}
+
 static void begin(Memory *m, Room *room, Learned *learned)
 {
     memset(m, 0, sizeof *m);

@@ -40,6 +40,7 @@ static const double BETTER = 0.25; /* of a misfit */
 static const double ABRUPT = 400.0; /* rad/s^2 */
 static const double AGREEING = 0.97029572627599647; /* cos 14 degrees */
 static const double TWICE = 4.0; /* of the square of a field */
+static const double CHANGE = 20.0; /* rad/s^2 */
 
 /* The rate before the last, the time that the last turned for (negative where the mean of both did),
    the last force, the one before, the field before the last (earth frame). */
@@ -49,10 +50,10 @@ static Vector middle(Vector u, Vector v) { return times(0.5, total(u, v)); }
 
 static int is_far(Vector u, Vector v, double jump) { return square(minus(u, v)) > jump * jump; }
 
-/* The rate in a gap, by those at its ends: if far apart, the latter may be none. */
-static Vector over_gap(Vector before, Vector after)
+/* The rate in a gap, by those at its ends: if further apart than in a motion, the latter may be none. */
+static Vector over_gap(Vector before, Vector after, double span)
 {
-    return is_far(before, after, JUMP_OF_RATE) ? before : middle(before, after);
+    return is_far(before, after, JUMP_OF_RATE + CHANGE * span) ? before : middle(before, after);
 }
 
 /* Neither the least nor the largest. */
@@ -86,7 +87,7 @@ static Rotor way_back(Vector last, const Seen *seen, Vector knock)
     Vector meant = total(last, knock);
     double span = seen->span;
     if (span < 0.0)
-        span = -span, last = over_gap(seen->rate, last), meant = middle(seen->rate, meant);
+        span = -span, last = middle(seen->rate, last), meant = middle(seen->rate, meant);
     return product(conjugate(from_rate(last, span)), from_rate(meant, span));
 }
 
@@ -154,7 +155,8 @@ static inline int is_glitch(Vector mag, Vector last, double age, double dt)
 
 /* gaps.py */
 static const double GAP = 0.03, MISSING = 3.0, OF_RATE = 0.3, AT_REST = 0.1, SURE = 0.05;
-static const double OF_CHANGE = 0.4, PER_SECOND = 1.5, MUCH_LOST = 0.003, ALL_LOST = 0.06;
+static const double OF_CHANGE = 0.4, PER_SECOND = 1.5, MUCH_LOST = 0.003, ALL_LOST = 0.25;
+static const double OFTEN = 1.0, COUNTS = 0.1; /* s */
 
 static inline int is_gap(double dt, double last)
 {
@@ -164,9 +166,15 @@ static inline int is_gap(double dt, double last)
 /* Variance of a turn that took `span` s, by the rates before and after it. */
 static double variance_lost(Vector before, Vector after, double span)
 {
-    double sigma = span * (OF_RATE * sqrt(0.5 * (square(before) + square(after))) + AT_REST);
+    return squared(span * (OF_RATE * sqrt(0.5 * (square(before) + square(after))) + AT_REST));
+}
+
+/* The same where one of the rates may be bad: what it does not know, their difference tells. */
+static double variance_over_gap(Vector before, Vector after, double span)
+{
     double of_change = span * smaller(OF_CHANGE, PER_SECOND * span);
-    return squared(sigma) + squared(of_change) * square(minus(after, before));
+    return variance_lost(before, after, span)
+         + squared(of_change) * square(minus(after, before));
 }
 
 /* What a mean over `time` s is still worth after a turn of this variance. */
@@ -348,7 +356,7 @@ typedef struct {
     double time;
     Vector applied;
     int rows;
-    double row_time, mag_row_time, step, doubt, held_for;
+    double row_time, mag_row_time, step, doubt, held_for, resumed;
 } Past;
 
 typedef struct {
@@ -385,7 +393,7 @@ static inline void passed(State *s, Rotor change, double dt, double lost, double
     s->row = 0.0, s->due = begins;
     if (begins || starts) {
         *past = (Past){.applied = begins ? past->applied : ZERO, .mag_row_time = 1.0,
-                       .step = begins ? dt : 0.0};
+                       .step = begins ? dt : 0.0, .resumed = begins ? past->resumed : -OFTEN};
         return;
     }
     int fresh = s->senses.mag_age == 0.0;
@@ -419,6 +427,11 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
         held_for = s->past.held_for + dt;
         lost = variance_lost(turn_rate, turn_rate, held_for);
         lost -= variance_lost(turn_rate, turn_rate, s->past.held_for);
+    } else if (is_gap(dt, s->past.step)) {
+        Vector before = true_rate(learned, last);
+        int may_be_none = is_far(rate, last, JUMP_OF_RATE);
+        lost = variance_lost(before, may_be_none ? before : turn_rate, dt);
+        turn_rate = middle(before, turn_rate), span = -dt;
     }
     Rotor turn = from_rate(turn_rate, dt), change = IDENTITY, rotor;
     double undone = 0.0;
@@ -479,47 +492,46 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
         s->rotor = unit(rotor);
     s->predicted = predicted;
     passed(s, change, dt, lost, held_for, begins, starts);
+    if (span < 0.0) s->past.resumed = s->elapsed;
 }
 
-/* Turn over a gap by the rates at its ends, and leave the rest of the sample to `resume`. */
+/* Turn over a gap by the rates at its ends, and keep force and field for `resume`. */
 static void wait(State *s, Vector rate, Vector accel, Vector mag, double dt)
 {
     Senses *senses = &s->senses;
-    Vector last = senses->rate, before = likely(s->seen.rate, last, rate);
-    Rotor turn = from_rate(true_rate(&s->learned, over_gap(before, rate)), dt);
-    turn = product(way_back(last, &s->seen, minus(before, last)), turn);
-    if (s->earth.time > 0.0 && is_far(accel, s->seen.force, JUMP_OF_FORCE))
+    Seen *seen = &s->seen;
+    Vector last = senses->rate, earlier = seen->rate, before = likely(earlier, last, rate);
+    Rotor turn = from_rate(true_rate(&s->learned, over_gap(before, rate, dt)), dt);
+    if (is_far(before, last, JUMP_OF_RATE)) {
+        senses->gyro_rejected++;
+        turn = product(way_back(last, seen, minus(before, last)), turn);
+    }
+    if (s->earth.time > 0.0 && is_far(accel, seen->force, JUMP_OF_FORCE))
         senses->accel_rejected +=
-            put_right(&s->earth.up, s->earth.time, s->rotor, turn, &s->seen, accel) > 0.0;
-    senses->accel_rejected += !usable(accel);
-    senses->gyro_rejected += is_far(before, last, JUMP_OF_RATE);
-    senses->rate = rate;
-    senses->mag_age += dt;
-    if (heard(mag))
-        senses->mag = mag, senses->mag_age = 0.0; /* as it was measured */
-    else
-        senses->mag_rejected++;
-    s->seen = (Seen){before, -dt, accel, carried(turn, s->seen.force), s->seen.rate};
-    double lost = variance_lost(before, rate, dt);
-    s->learned.heading_stddev = sqrt(squared(s->learned.heading_stddev) + lost);
-    s->learned.tilt_stddev = sqrt(squared(s->learned.tilt_stddev) + lost);
-    s->past.step = dt, s->past.held_for = 0.0;
+            put_right(&s->earth.up, s->earth.time, s->rotor, turn, seen, accel) > 0.0;
+    senses->accel_rejected += !usable(accel), senses->mag_rejected += !heard(mag);
+    senses->rate = rate, senses->mag_age += dt;
+    *seen = (Seen){before, -dt, accel, carried(turn, seen->force), ZERO};
+    double variance = variance_over_gap(before, rate, dt);
+    double more = larger(0.0, variance_over_gap(earlier, rate, dt) - variance);
+    s->past.step = dt, s->past.held_for = -1.0 - more;
+    s->learned.heading_stddev = sqrt(squared(s->learned.heading_stddev) + variance + more);
+    s->learned.tilt_stddev = sqrt(squared(s->learned.tilt_stddev) + variance + more);
     s->predicted = s->rotor = unit(product(s->rotor, turn));
     s->row = 0.0, s->due = 0;
 }
 
-/* Tell a gap anew, now that the second sample after it is there: of the two, no single bad one has
-   a say. Returns the step: 0 if all was lost in the gap. */
-static double resume(State *s, Vector gyro, Vector *accel, double dt)
+/* Tell a gap anew, now that the second sample after it is there. Changes `accel` to the likely force
+   of both; returns whether nothing is left known of the attitude. */
+static int resume(State *s, Vector gyro, Vector *accel, double dt)
 {
     Senses *senses = &s->senses;
+    Earth *earth = &s->earth;
     Past *past = &s->past;
     Seen seen = s->seen;
     int held = !(fabs(gyro.x) + fabs(gyro.y) + fabs(gyro.z) < FASTEST);
-    Vector last = senses->rate, rate = held ? last : gyro, earlier = seen.field;
+    Vector last = senses->rate, rate = held ? last : gyro, before = seen.rate;
     Rotor turn = from_rate(true_rate(&s->learned, rate), dt);
-    Vector meant = likely(seen.rate, last, rate);
-    s->rotor = product(s->rotor, way_back(last, &seen, minus(meant, last)));
     if (usable(seen.force) && usable(seen.force_before) && usable(*accel)) {
         Vector second = rotate(turn, *accel);
         Vector force = likely(seen.force_before, seen.force, second);
@@ -527,47 +539,61 @@ static double resume(State *s, Vector gyro, Vector *accel, double dt)
                                || is_far(force, second, JUMP_OF_FORCE);
         *accel = carried(turn, force);
     }
+    Vector meant = likely(before, last, rate);
     double span = -seen.span;
-    double lost = variance_doubted(&seen, shorter(minus(rate, meant), minus(meant, seen.rate)));
-    lost += larger(larger(variance_lost(seen.rate, last, span),
-                          variance_lost(seen.rate, rate, span)),
-                   larger(variance_lost(earlier, last, span), variance_lost(earlier, rate, span)));
-    int hears = senses->mag_age <= span + MAG_TIMEOUT && s->learned.trust > BELIEVED;
-    int starts = lost > ALL_LOST && (hears || senses->heading_known <= 0);
+    Rotor back = conjugate(from_rate(over_gap(before, last, span), span));
+    s->rotor = product(s->rotor, product(back, from_rate(middle(before, meant), span)));
+    double lost = variance_doubted(&seen, shorter(minus(rate, meant), minus(meant, before)));
+    lost += larger(variance_over_gap(before, last, span), variance_over_gap(before, rate, span))
+          - (1.0 + past->held_for);
+
     past->time += span, past->row_time += span, past->mag_row_time += span;
-    if (!starts) {
-        s->earth.time = left_of(smaller(s->earth.time, LOW_PASS), lost);
-        s->elapsed = left_of(smaller(s->elapsed, AVERAGED), lost);
-        if (lost > MUCH_LOST) {
-            s->earth.field = ZERO;
-            if (hears && senses->heading_known == 1) senses->heading_known = FIRST_HEADING;
-            past->time = past->row_time = past->mag_row_time = 0.0, past->rows = 0;
+    earth->time = left_of(smaller(earth->time, LOW_PASS), lost);
+    s->elapsed = left_of(smaller(s->elapsed, AVERAGED), lost);
+    if (lost > ALL_LOST) earth->time = s->elapsed = 0.0;
+    if (lost > MUCH_LOST) {
+        earth->field = ZERO;
+        if (senses->mag_age <= span + MAG_TIMEOUT && s->learned.trust > BELIEVED
+            && senses->heading_known == 1)
+            senses->heading_known = FIRST_HEADING;
+        past->time = past->row_time = past->mag_row_time = 0.0, past->rows = 0;
+    }
+    if (usable(*accel)) {
+        double counts = smaller(span, COUNTS);
+        Vector up = rotate(product(s->rotor, turn), *accel);
+        earth->time += counts, s->elapsed += counts;
+        earth->up = total(earth->up, times(counts / earth->time, minus(up, earth->up)));
+        if (lost > ALL_LOST) { /* up at once, as north will be told by it */
+            Rotor change = uprighted(earth->up, 1.0);
+            s->rotor = product(change, s->rotor);
+            earth->up = slightly(change, earth->up);
         }
     }
-    if (usable(*accel)) { /* it stands for the gap as well */
-        Vector up = rotate(product(s->rotor, turn), *accel);
-        s->earth.time += span;
-        s->earth.up = total(s->earth.up, times(span / s->earth.time, minus(up, s->earth.up)));
-    }
-    s->elapsed += span;
     senses->gyro_rejected += is_far(meant, last, JUMP_OF_RATE);
     senses->rate = meant;
-    s->seen = (Seen){seen.rate, 0.0, seen.force, seen.force_before, s->earth.field};
-    past->doubt += lost, past->held_for = 0.0;
+    s->seen = (Seen){before, 0.0, seen.force, seen.force_before, earth->field};
+    past->doubt += lost, past->held_for = 0.0, past->resumed = s->elapsed;
     s->row = 0.0, s->due = 0;
-    return starts ? 0.0 : dt;
+    return lost > ALL_LOST;
 }
 
 /* A `step`, but after a gap, where a single bad sample would stand for all of it. */
 static inline void take(State *s, Gains gains, Vector gyro, Vector accel, Vector mag, double dt)
 {
-    if (dt > GAP && is_gap(dt, s->past.step)
+    Past *past = &s->past;
+    if (past->held_for == 0.0 && dt > GAP && is_gap(dt, past->step)
+        && s->elapsed >= past->resumed + OFTEN
         && fabs(gyro.x) + fabs(gyro.y) + fabs(gyro.z) < FASTEST) {
         wait(s, gyro, accel, mag, dt);
         return;
     }
-    if (s->seen.span < 0.0 && 0.0 < dt) dt = resume(s, gyro, &accel, dt);
+    int lost = past->held_for < 0.0 && 0.0 < dt && resume(s, gyro, &accel, dt);
     step(s, gains, gyro, accel, mag, dt);
+    if (lost) {
+        *past = (Past){.time = -1.0, .mag_row_time = 1.0, .step = past->step,
+                       .resumed = past->resumed};
+        s->row = 0.0, s->due = 1;
+    }
 }
 
 /* Write the sample that made the state into the log, as its last row. */
@@ -588,6 +614,8 @@ static void look_back(State *s, Memory *m, Gains gains)
         Window window = {past->rows, s->earth.up, past->applied, s->pace.tilt_rate, starting,
                          past->doubt};
         learn(m, &s->room, &s->learned, &window);
+    } else if (past->time < 0.0) {
+        attitude_lost(m, &s->room, &s->learned);
     } else if (s->elapsed > 0.0) {
         first_heading(m, past->applied);
     } else {
@@ -608,7 +636,7 @@ void run(long n, double alpha, double alpha_rate, const double *gyro, const doub
                .senses = {.mag = NORTH, .mag_age = INFINITY},
                .predicted = IDENTITY,
                .pace = {.dt = -1.0},
-               .past = {.mag_row_time = 1.0},
+               .past = {.mag_row_time = 1.0, .resumed = -OFTEN},
                .earth = {.up = UP}};
     Memory memory;
     begin(&memory, &s.room, &s.learned);

@@ -73,11 +73,7 @@ def corrected(
         time = min(time, LOW_PASS) + dt
         share = dt / time
         x, y, z = rotate(predicted, accel)
-        north, west, up = (
-            north + share * (x - north),
-            west + share * (y - west),
-            up + share * (z - up),
-        )
+        north, west, up = toward((north, west, up), (x, y, z), share)
     else:
         x, y, z = ZERO
         accel_rejected += 1
@@ -145,6 +141,16 @@ def corrected(
         mag_rejected,
     )
     return now, (slightly(change, mean), time, field), anew, change
+
+
+def toward(mean: Vector, value: Vector, share: float) -> Vector:
+    """A mean with so large a share of one more value."""
+    x, y, z = mean
+    return (
+        x + share * (value[0] - x),
+        y + share * (value[1] - y),
+        z + share * (value[2] - z),
+    )
 
 
 def uprighted(up: Vector, part: float) -> Rotor:

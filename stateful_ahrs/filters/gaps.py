@@ -19,7 +19,9 @@ OF_CHANGE, PER_SECOND = 0.4, 1.5  # likewise of their difference; less in a gap 
 AT_REST = 0.1  # rad/s: likewise where the sensor rests before and after
 SURE = 0.05  # rad² s: variance of a mean of snapshots, times the time that it is of
 MUCH_LOST = 0.003  # rad²: the slow room should know at once, and the last field be forgotten
-ALL_LOST = 0.06  # rad²: 14°, and a start is nearer
+COUNTS = 0.1  # s: what a force after a longer gap counts for
+OFTEN = 1.0  # s: gaps that come as often are no accident, and all samples are taken as they come
+ALL_LOST = 0.25  # rad²: half a radian, and nothing is known any more
 
 
 def is_gap(dt: float, last: float) -> bool:
@@ -33,8 +35,14 @@ def is_gap(dt: float, last: float) -> bool:
 def variance_lost(before: Vector, after: Vector, span: float) -> float:
     """Variance (rad²) of a turn that took ``span`` s, by the rates (rad/s) before and after it."""
     sigma = span * (OF_RATE * math.sqrt(0.5 * (square(before) + square(after))) + AT_REST)
+    return sigma * sigma
+
+
+def variance_over_gap(before: Vector, after: Vector, span: float) -> float:
+    """The same where one of the rates may be bad: what it does not know, their difference tells."""
     of_change = span * min(OF_CHANGE, PER_SECOND * span)
-    return sigma * sigma + of_change * of_change * square(minus(after, before))
+    change = of_change * of_change * square(minus(after, before))
+    return variance_lost(before, after, span) + change
 
 
 def left_of(time: float, lost: float) -> float:

@@ -236,6 +236,19 @@ def start_anew(memory: Floats, room: Room, learned: Learned) -> tuple[Room, Lear
     return room, learned
 
 
+def attitude_lost(memory: Floats, room: Room, learned: Learned) -> tuple[Room, Learned]:
+    """After a gap in which the attitude was lost; sensors and field are as they were."""
+    forget_attitude(memory)
+    _, _, unit, iron_known, swaps, field, delay = room
+    room = Room(0.0, 0, unit, iron_known, swaps, field, delay)
+    learned = Learned(
+        learned.bias, learned.row_x, learned.row_y, learned.row_z, learned.delay,
+        learned.hard_iron, learned.trust, 0.0, (0.0, 0.0, 0.0), HEADING_SHARE * HEADING_AT_START,
+        TILT_SHARE * TILT_AT_START, False,
+    )  # fmt: skip
+    return room, learned
+
+
 def first_heading(memory: Floats, applied: Vector) -> None:
     """The fast path took its first heading whole: what was known of another one is void."""
     forget_heading(memory, HEADING_AT_START**2)

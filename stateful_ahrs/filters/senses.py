@@ -89,6 +89,11 @@ def heard(mag: Vector) -> bool:
     return 1e-24 < x * x + y * y + z * z < 1e24
 
 
+def came(mag: Vector) -> bool:
+    """Whether there is a sample, good or not: where none came, it is NaN."""
+    return mag[0] == mag[0] or mag[1] == mag[1] or mag[2] == mag[2]
+
+
 snapshot = dcm  # `bind` puts another in its place
 
 
@@ -123,7 +128,7 @@ def look(
 
     mag_age = mag_age + dt if dt > 0.0 else math.inf  # it told another time's heading
     fresh = heard(mag)
-    if not fresh and (mag[0] == mag[0] or mag[1] == mag[1] or mag[2] == mag[2]):
+    if not fresh and came(mag):
         mag_rejected += 1
     field = mag if fresh else carried(turn, last_mag)
     has_up = usable(accel)

@@ -22,6 +22,7 @@ ZERO: Vector = (0.0, 0.0, 0.0)
 JUMP_OF_RATE = 4.0  # rad/s
 JUMP_OF_FORCE = 30.0  # m/s²
 ALIKE = 1.0 / 16.0  # of the square of the jump: how near the two neighbours are
+CHANGE = 20.0  # rad/s²: in a gap a rate may well change so
 SHORT = 0.022  # s: in longer steps a motion may well turn and turn back
 BETTER = 0.25  # of a misfit: half of the angle
 ABRUPT = 400.0  # rad/s²: in no motion does a rate come and go as fast
@@ -108,7 +109,7 @@ def way_back(last: Vector, seen: Seen, knock: Vector) -> Rotor:
     before, span, _, _, _ = seen
     meant = total(last, knock)
     if span < 0.0:
-        span, last, meant = -span, over_gap(before, last), middle(before, meant)
+        span, last, meant = -span, middle(before, last), middle(before, meant)
     return product(conjugate(from_rate(last, span)), from_rate(meant, span))
 
 
@@ -255,9 +256,13 @@ def shorter(u: Vector, v: Vector) -> Vector:
     return u if square(u) < square(v) else v
 
 
-def over_gap(before: Vector, after: Vector) -> Vector:
-    """The rate (rad/s) in a gap, by those at its ends: if far apart, the latter may be none."""
-    return before if is_far(before, after, JUMP_OF_RATE) else middle(before, after)
+def over_gap(before: Vector, after: Vector, span: float) -> Vector:
+    """The rate (rad/s) in a gap of ``span`` s, by those at its ends.
+
+    If they are further apart than in a motion, the latter may be none.
+    """
+    far = is_far(before, after, JUMP_OF_RATE + CHANGE * span)
+    return before if far else middle(before, after)
 
 
 def middle(u: Vector, v: Vector) -> Vector:

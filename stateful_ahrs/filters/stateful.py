@@ -42,15 +42,18 @@ from ..rotor import (
     Vector,
     blend,
     carried,
+    conjugate,
     from_rate,
     minus,
     negative,
     product,
     rotate,
+    slightly,
+    total,
     unit,
 )
 from .compiled import bind, compiled, packed, run_steps
-from .correction import NO_EARTH, Earth, corrected
+from .correction import NO_EARTH, Earth, corrected, toward, uprighted
 from .gains import (
     AVERAGED,
     NO_PACE,
@@ -63,7 +66,17 @@ from .gains import (
     plain_gains,
     weight_of_gyro,
 )
-from .gaps import ALL_LOST, GAP, MUCH_LOST, is_gap, left_of, variance_lost
+from .gaps import (
+    ALL_LOST,
+    COUNTS,
+    GAP,
+    MUCH_LOST,
+    OFTEN,
+    is_gap,
+    left_of,
+    variance_lost,
+    variance_over_gap,
+)
 from .kernel import Kernel, KernelFilter, Report
 from .learning import (
     COLUMNS,
@@ -77,6 +90,7 @@ from .learning import (
     Learned,
     Room,
     Window,
+    attitude_lost,
     begin,
     first_heading,
     hear,
@@ -87,7 +101,7 @@ from .learning import (
     start_anew,
 )
 from .samples import Array, Samples
-from .senses import FIRST_HEADING, Senses, amended, heard, held, look, usable
+from .senses import FIRST_HEADING, Senses, amended, came, heard, held, look, usable
 from .settings import DEFAULTS, Known
 from .settings import Settings as Settings
 from .spikes import (
@@ -118,10 +132,11 @@ DISTURBED = 0.05  # trust of a field three standard deviations off
 
 # What happened since the slow room last looked back: the time (s), the corrections (rad, earth
 # frame), the rows of the log, the time since the last row, and since the last with a magnetic field
-# (s), the last step (s), the variance of turns that no rate told (rad²), and for how long a rate is
-# being held (s). Without names, because one is made for each sample.
-Past = tuple[float, Vector, int, float, float, float, float, float]
-NO_PAST: Past = (0.0, ZERO, 0, 0.0, 1.0, 0.0, 0.0, 0.0)
+# (s), the last step (s), the variance of turns that no rate told (rad²), for how long a rate is
+# being held (s; while a sample after a gap waits, -1 less a part of that variance), and at the end
+# of the last gap the time since the start (s). Without names, because one is made for each sample.
+Past = tuple[float, Vector, int, float, float, float, float, float, float]
+NO_PAST: Past = (0.0, ZERO, 0, 0.0, 1.0, 0.0, 0.0, 0.0, -OFTEN)
 
 
 class State(NamedTuple):
@@ -314,112 +329,128 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
     row, due = 0.0, False
     if learns:
         fresh = sources.use_mag and senses.mag_age == 0.0
-        past, row, due = passed(past, fresh, change, elapsed, dt, lost, held_for, begins, starts)
+        gap = span < 0.0
+        past, row, due = passed(
+            past, fresh, change, elapsed, dt, lost, held_for, begins, starts, gap
+        )
     return State(rotor, senses, elapsed, predicted, pace, learned, past, row, due, seen, earth)
 
 
 def take(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, dt: float) -> State:
     """A `step`, but after a gap, where a single bad sample would stand for all of it.
 
-    There the first sample waits for the second, and of the two no single bad one has a say.
+    There the first sample waits for the second, and of the two no single bad one has a say. Units
+    are those of `step`.
     """
     if gains.learns and gains.despike:
-        if dt > GAP and is_gap(dt, state.past[5]):
+        _, _, _, _, _, last_step, _, waiting, resumed = state.past
+        if waiting == 0.0 and dt > GAP and is_gap(dt, last_step):
             rate, gyro_rejected = held(state.senses, gyro)
-            if gyro_rejected == state.senses.gyro_rejected:
-                return wait(state, rate, accel, mag, dt)
-        if state.seen[1] < 0.0 < dt:
-            state, accel, mag, dt = resume(state, gains, gyro, accel, mag, dt)
+            seldom = state.elapsed >= resumed + OFTEN
+            if seldom and gyro_rejected == state.senses.gyro_rejected:
+                return wait(state, gains, rate, accel, mag, dt)
+        if waiting < 0.0 < dt:
+            state, accel, mag, lost = resume(state, gains, gyro, accel, mag, dt)
+            state = step(state, gains, gyro, accel, mag, dt)
+            return forgotten(state) if lost else state
     return step(state, gains, gyro, accel, mag, dt)
 
 
-def wait(state: State, rate: Vector, accel: Vector, mag: Vector, dt: float) -> State:
-    """Turn over a gap by the rates at its ends, and leave the rest of the sample to `resume`."""
+def wait(state: State, gains: Gains, rate: Vector, accel: Vector, mag: Vector, dt: float) -> State:
+    """Turn over a gap by the rates (rad/s) at its ends, and keep force and field for `resume`."""
     rotor, last, elapsed, _, pace, learned, past, _, _, seen, earth = state
-    before = likely(seen[0], last.rate, rate)
-    turn = from_rate(true_rate(learned, over_gap(before, rate)), dt)
-    turn = product(way_back(last.rate, seen, minus(before, last.rate)), turn)
-    undone = 0.0
-    if earth[1] > 0.0 and is_far(accel, seen[2], JUMP_OF_FORCE):
+    earlier = seen[0]
+    before = likely(earlier, last.rate, rate)
+    turn = from_rate(true_rate(learned, over_gap(before, rate, dt)), dt)
+    gyro_rejected, accel_rejected = last.gyro_rejected, last.accel_rejected
+    if is_far(before, last.rate, JUMP_OF_RATE):
+        gyro_rejected += 1
+        turn = product(way_back(last.rate, seen, minus(before, last.rate)), turn)
+    if gains.low_pass and earth[1] > 0.0 and is_far(accel, seen[2], JUMP_OF_FORCE):
         mean, undone = put_right(earth[0], earth[1], rotor, turn, seen, accel)
         earth = (mean, earth[1], earth[2])
+        accel_rejected += int(undone > 0.0)
     fresh = heard(mag)
-    came = mag[0] == mag[0] or mag[1] == mag[1] or mag[2] == mag[2]
     senses = Senses(
         rate,
-        mag if fresh else last.mag,  # as it was measured
-        0.0 if fresh else last.mag_age + dt,
+        last.mag,
+        last.mag_age + dt,
         last.started,
         last.heading_known,
         last.turned,
         last.sign_corrections,
-        last.gyro_rejected + int(is_far(before, last.rate, JUMP_OF_RATE)),
-        last.accel_rejected + int(undone > 0.0) + int(not usable(accel)),
-        last.mag_rejected + int(came and not fresh),
+        gyro_rejected,
+        accel_rejected + int(not usable(accel)),
+        last.mag_rejected + int(came(mag) and not fresh),
     )
-    seen = (before, -dt, accel, carried(turn, seen[2]), seen[0])
-    time, applied, rows, row_time, mag_row_time, _, doubt, _ = past
-    past = (time, applied, rows, row_time, mag_row_time, dt, doubt, 0.0)
-    learned = less_sure(learned, variance_lost(before, rate, dt))
+    seen = (before, -dt, accel, carried(turn, seen[2]), mag if fresh else ZERO)
+    variance = variance_over_gap(before, rate, dt)
+    more = max(0.0, variance_over_gap(earlier, rate, dt) - variance)
+    time, applied, rows, row_time, mag_row_time, _, doubt, _, resumed = past
+    past = (time, applied, rows, row_time, mag_row_time, dt, doubt, -1.0 - more, resumed)
+    learned = less_sure(learned, variance + more)
     rotor = unit(product(rotor, turn))
     return State(rotor, senses, elapsed, rotor, pace, learned, past, 0.0, False, seen, earth)
 
 
 def resume(
     state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, dt: float
-) -> tuple[State, Vector, Vector, float]:
-    """Tell a gap anew, now that the second sample after it is there.
+) -> tuple[State, Vector, Vector, bool]:
+    """Tell a gap anew, now that the second sample after it is there, ``dt`` s after the first.
 
-    Returns the state as if the first had been the `likely` one, and the sample, with the likely
-    force of both, for `step`. Its ``dt`` is 0, and it starts anew, if all was lost in the gap.
+    Returns the state as if the first sample had been the `likely` one of its neighbours and itself,
+    and for `step` the likely force (m/s²) of both, and the field, the first one's if there is no
+    second; and whether nothing is left known of the attitude.
     """
     rotor, last, elapsed, predicted, pace, learned, past, _, _, seen, earth = state
-    before, span, first, force_before, earlier = seen
-    mean, time, field = earth
+    before, span, first, force_before, first_mag = seen
+    since, applied, rows, row_time, mag_row_time, last_step, doubt, waiting, _ = past
+    span = -span
     rate, _ = held(last, gyro)
     turn = from_rate(true_rate(learned, rate), dt)
-    if mag[0] != mag[0] and last.mag_age == 0.0:
-        mag = carried(turn, last.mag)
-
-    meant = likely(before, last.rate, rate)
-    rotor = product(rotor, way_back(last.rate, seen, minus(meant, last.rate)))
-    rejected = 0
+    if heard(first_mag) and not came(mag):
+        iron = learned.hard_iron
+        mag = total(carried(turn, minus(first_mag, iron)), iron)
+    accel_rejected = last.accel_rejected
     if usable(first) and usable(force_before) and usable(accel):
         second = rotate(turn, accel)
         force = likely(force_before, first, second)
-        rejected = int(is_far(force, first, JUMP_OF_FORCE) or is_far(force, second, JUMP_OF_FORCE))
+        if is_far(force, first, JUMP_OF_FORCE) or is_far(force, second, JUMP_OF_FORCE):
+            accel_rejected += 1
         accel = carried(turn, force)
 
+    meant = likely(before, last.rate, rate)
+    back = conjugate(from_rate(over_gap(before, last.rate, span), span))
+    rotor = product(rotor, product(back, from_rate(middle(before, meant), span)))
     lost = variance_doubted(seen, shorter(minus(rate, meant), minus(meant, before)))
-    span = -span
-    lost += max(
-        max(variance_lost(before, last.rate, span), variance_lost(before, rate, span)),
-        max(variance_lost(earlier, last.rate, span), variance_lost(earlier, rate, span)),
-    )
+    one = variance_over_gap(before, last.rate, span)
+    lost += max(one, variance_over_gap(before, rate, span)) - (1.0 + waiting)
+
+    mean, time, field = earth
     heading_known = last.heading_known
-    hears = last.mag_age <= span + gains.sources.mag_timeout and learned.trust > BELIEVED
-    follows = gains.alpha < 1.0 and gains.alpha_heading < 1.0
-    starts = follows and lost > ALL_LOST and (hears or heading_known <= 0)
-    since, applied, rows, row_time, mag_row_time, last_step, doubt, _ = past
     since, row_time, mag_row_time = since + span, row_time + span, mag_row_time + span
-    if follows and not starts:
+    follows = gains.alpha < 1.0 and gains.alpha_heading < 1.0
+    all_lost = follows and lost > ALL_LOST
+    if all_lost:
+        time = elapsed = 0.0
+    elif follows:
         time = left_of(min(time, LOW_PASS), lost)
         elapsed = left_of(min(elapsed, AVERAGED), lost)
-        if lost > MUCH_LOST:
-            field = ZERO  # the next may be anywhere
-            if hears and heading_known == 1:  # it is to confirm the heading
-                heading_known = FIRST_HEADING
-            since, rows, row_time, mag_row_time = 0.0, 0, 0.0, 0.0  # they would outvote the next
-    if usable(accel):  # it stands for the gap as well
-        x, y, z = rotate(product(rotor, turn), accel)
-        time += span
-        share = span / time
-        mean = (
-            mean[0] + share * (x - mean[0]),
-            mean[1] + share * (y - mean[1]),
-            mean[2] + share * (z - mean[2]),
-        )
-    elapsed += span
+    if follows and lost > MUCH_LOST:
+        field = ZERO  # the next may be anywhere
+        hears = last.mag_age <= span + gains.sources.mag_timeout
+        if hears and learned.trust > BELIEVED and heading_known == 1:
+            heading_known = FIRST_HEADING  # the next field is to confirm it
+        since, rows, row_time, mag_row_time = 0.0, 0, 0.0, 0.0  # they would outvote the next
+    if usable(accel):
+        counts = min(span, COUNTS)
+        time += counts
+        mean = toward(mean, rotate(product(rotor, turn), accel), counts / time)
+        elapsed += counts
+        if all_lost:  # up at once, as north will be told by it
+            change = uprighted(mean, 1.0)
+            rotor = product(change, rotor)
+            mean = slightly(change, mean)
     senses = Senses(
         meant,
         last.mag,
@@ -429,16 +460,26 @@ def resume(
         last.turned,
         last.sign_corrections,
         last.gyro_rejected + int(is_far(meant, last.rate, JUMP_OF_RATE)),
-        last.accel_rejected + rejected,
+        accel_rejected,
         last.mag_rejected,
     )
     seen = (before, 0.0, first, force_before, field)
-    past = (since, applied, rows, row_time, mag_row_time, last_step, doubt + lost, 0.0)
+    past = (since, applied, rows, row_time, mag_row_time, last_step, doubt + lost, 0.0, elapsed)
     earth = (mean, time, field)
     state = State(
         rotor, senses, elapsed, predicted, pace, learned, past, 0.0, False, seen, earth,
     )  # fmt: skip
-    return state, accel, mag, 0.0 if starts else dt
+    return state, accel, mag, all_lost
+
+
+def forgotten(state: State) -> State:
+    """The same, for the slow room to forget the attitude."""
+    step = state.past[5]
+    past = (-1.0, ZERO, 0, 0.0, 1.0, step, 0.0, 0.0, state.past[8])
+    return State(
+        state.rotor, state.senses, state.elapsed, state.predicted, state.pace, state.learned, past,
+        0.0, True, state.seen, state.earth,
+    )  # fmt: skip
 
 
 def passed(
@@ -451,14 +492,15 @@ def passed(
     held_for: float,
     begins: bool,
     starts: bool,
+    gap: bool,
 ) -> tuple[Past, float, bool]:
     """What the slow room should know of a step that turned the predicted rotor by ``change``.
 
     Also returns ``row`` and ``due`` of the `State`.
     """
-    time, applied, rows, row_time, mag_row_time, _, doubt, _ = past
+    time, applied, rows, row_time, mag_row_time, _, doubt, _, resumed = past
     if begins:
-        return (0.0, applied, 0, 0.0, 1.0, dt, 0.0, 0.0), 0.0, True
+        return (0.0, applied, 0, 0.0, 1.0, dt, 0.0, 0.0, resumed), 0.0, True
     if starts:
         return NO_PAST, 0.0, False
     time, row_time, mag_row_time = time + dt, row_time + dt, mag_row_time + dt
@@ -482,6 +524,7 @@ def passed(
             dt,
             doubt,
             held_for,
+            elapsed if gap else resumed,
         ),
         row,
         rows > 0 and (time >= window - 0.5 * dt or rows == ROWS or doubt > MUCH_LOST),
@@ -495,7 +538,7 @@ def note(memory: Floats, state: State, accel: Vector, mag: Vector) -> None:
     told of the gap, gives little on it.
     """
     senses = state.senses
-    _, _, rows, _, mag_row_time, _, _, _ = state.past
+    _, _, rows, _, mag_row_time, _, _, _, _ = state.past
     at = LOG + COLUMNS * (rows - 1)
     memory[at], memory[at + 1], memory[at + 2], memory[at + 3] = state.predicted
     memory[at + 4], memory[at + 5], memory[at + 6] = senses.rate
@@ -510,7 +553,7 @@ def note(memory: Floats, state: State, accel: Vector, mag: Vector) -> None:
 def look_back(state: State, room: Room, memory: Floats, gains: Gains) -> tuple[State, Room]:
     """The slow room's turn: after a window, a new start, or the first heading."""
     learned = state.learned
-    _, applied, rows, row_time, mag_row_time, step, doubt, held_for = state.past
+    _, applied, rows, row_time, mag_row_time, step, doubt, held_for, resumed = state.past
     if rows > 0:
         pace = state.pace
         if step != pace[0]:
@@ -533,11 +576,13 @@ def look_back(state: State, room: Room, memory: Floats, gains: Gains) -> tuple[S
             doubt,
         )
         room, learned = learn(memory, room, learned, window, gains.chosen)
+    elif state.past[0] < 0.0:
+        room, learned = attitude_lost(memory, room, learned)
     elif state.elapsed > 0.0:
         first_heading(memory, applied)
     else:
         room, learned = start_anew(memory, room, learned)
-    past = (0.0, ZERO, 0, row_time, mag_row_time, step, 0.0, held_for)
+    past = (0.0, ZERO, 0, row_time, mag_row_time, step, 0.0, held_for, resumed)
     state = State(
         state.rotor, state.senses, state.elapsed, state.predicted, state.pace, learned, past, 0.0,
         False, state.seen, state.earth,
@@ -591,7 +636,7 @@ def runner() -> Callable[..., Any]:
     }
     sample = ZERO, ZERO, ZERO, 1.0
     after_gap = {
-        "wait": packed(wait, State(), *sample),
+        "wait": packed(wait, State(), gains(DEFAULTS), *sample),
         "resume": packed(resume, State(), gains(DEFAULTS), *sample),
     }
     taking = bind(take, step=bind(step, **rare), **after_gap)
@@ -686,7 +731,8 @@ class StatefulFilter(KernelFilter):
         gains, was = self._gains, self._was
         self._was = gains
         if gains.despike != was.despike or gains.learns != was.learns:
-            self._put(seen=UNSEEN)
+            seen = (self._state.senses.rate, 0.0, ZERO, ZERO, ZERO)
+            self._put(seen=seen, past=(*self._state.past[:7], 0.0, self._state.past[8]))
         if gains.turns and not was.turns:  # of a rotor of length one, with a fresh mean of up
             self._state = self._state._replace(rotor=unit(self._state.rotor))
             self._before = self._before._replace(rotor=unit(self._before.rotor))
