@@ -63,7 +63,7 @@ def eventful(samples: Samples) -> Samples:
     mag[3500:3600] *= 20.0
     gyro[[5540, 5550, 5580]], accel[5570] = [[30.0], [5.0], [5.0]], 30.0  # where steps are long
     accel[5581], mag[5581] = np.nan, 0.0  # nothing to tell the second by
-    after = 8000 + 200 * np.arange(6)  # gaps: see below
+    after = 8000 + 200 * np.arange(6)  # gaps, and what is bad beside them
     gyro[after[0]], gyro[after[1] - 1], gyro[after[2] + 1] = 20.0, 20.0, 3.0
     accel[after[3]], mag[after[4] : after[4] + 2] = 100.0, 2e-4
     gyro[after[5] - 100 : after[5] + 100] *= 0.02  # slow enough to be known after it

@@ -1,6 +1,6 @@
 /* The arithmetic of the filter `stateful` with its default settings (stateful_ahrs/filters), in C
    for comparison alone: the same steps in the same order under the same names, for samples of all
-   three sensors. */
+   three sensors (so no field has to be carried over a gap). */
 #include "learning.h"
 
 /* gains.py */
@@ -39,7 +39,7 @@ static const double SHORT = 0.022, STAYS = 0.25, SELDOM = 1.0; /* s */
 static const double BETTER = 0.25; /* of a misfit */
 static const double ABRUPT = 400.0; /* rad/s^2 */
 static const double AGREEING = 0.97029572627599647; /* cos 14 degrees */
-static const double TWICE = 4.0; /* of the square of a field */
+static const double FOURFOLD = 4.0; /* of the square of a field */
 static const double CHANGE = 20.0; /* rad/s^2 */
 
 /* The rate before the last, the time that the last turned for (negative where the mean of both did),
@@ -50,7 +50,7 @@ static Vector middle(Vector u, Vector v) { return times(0.5, total(u, v)); }
 
 static int is_far(Vector u, Vector v, double jump) { return square(minus(u, v)) > jump * jump; }
 
-/* The rate in a gap, by those at its ends: if further apart than in a motion, the latter may be none. */
+/* The rate in a gap, by those at its ends: if too far apart, the latter may be none. */
 static Vector over_gap(Vector before, Vector after, double span)
 {
     return is_far(before, after, JUMP_OF_RATE + CHANGE * span) ? before : middle(before, after);
@@ -306,7 +306,8 @@ static Vector confirm(Senses *senses, Earth *earth, Vector mag, Rotor rotor, dou
     int off = is_glitch(found, earth->field, senses->mag_age + dt, dt)
            || found.x < AGREEING * sqrt(level), lost = square(earth->field) == 0.0;
     double strength = square(mag), usual = square(senses->mag);
-    int other = senses->mag_age < SELDOM && larger(strength, usual) > TWICE * smaller(strength, usual);
+    int other = senses->mag_age < SELDOM
+             && larger(strength, usual) > FOURFOLD * smaller(strength, usual);
     if (lost && other) {
         senses->mag_rejected++;
         return (Vector){NAN, NAN, NAN};
@@ -431,7 +432,7 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
         Vector before = true_rate(learned, last);
         int may_be_none = is_far(rate, last, JUMP_OF_RATE);
         lost = variance_lost(before, may_be_none ? before : turn_rate, dt);
-        turn_rate = middle(before, turn_rate), span = -dt;
+        turn_rate = middle(before, turn_rate), span = -dt, s->past.resumed = s->elapsed;
     }
     Rotor turn = from_rate(turn_rate, dt), change = IDENTITY, rotor;
     double undone = 0.0;
@@ -492,7 +493,6 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
         s->rotor = unit(rotor);
     s->predicted = predicted;
     passed(s, change, dt, lost, held_for, begins, starts);
-    if (span < 0.0) s->past.resumed = s->elapsed;
 }
 
 /* Turn over a gap by the rates at its ends, and keep force and field for `resume`. */

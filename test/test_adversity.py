@@ -18,6 +18,7 @@ from stateful_ahrs import filters
 from stateful_ahrs.evaluation.score import prepare
 from stateful_ahrs.filters import Settings
 from stateful_ahrs.filters.samples import Samples
+from stateful_ahrs.filters.settings import Known
 from stateful_ahrs.filters.spikes import ABRUPT, JUMP_OF_RATE, SHORT
 from stateful_ahrs.mpu9250.motion import MOTIONS, Motion, Turn, X, Z
 from stateful_ahrs.recordings import load
@@ -227,6 +228,7 @@ def test_good_samples_beside_a_gap_are_taken_for_good(with_gaps, gap, each):
         (0, "accel", math.nan, (0, 1, 0)),
         (1, "accel", math.nan, (0, 1, 0)),
         (0, "mag", 0.0, (0, 0, 1)),
+        (0, "mag", 3e-4, (0, 0, 0)),  # the second sample has one as well
         (1, "mag", 3e-4, (0, 0, 1)),
     ],
 )
@@ -237,6 +239,47 @@ def test_a_bad_sample_beside_a_gap_is_counted(with_gaps, row, sensor, value, cou
     f = filters.make("stateful")
     f.run(replace(samples, **{sensor: column}))
     assert counts(f) == counted
+
+
+@pytest.mark.parametrize("gap", GAPS)
+@pytest.mark.parametrize(("row", "force"), [(0, 0.3), (1, math.nan), (2, 30.0)])
+def test_on_six_axes_a_bad_force_beside_a_gap_turns_no_heading(with_gaps, gap, row, force):
+    samples, _ = with_gaps[gap, 1]
+    samples = replace(samples, mag=np.full_like(samples.mag, math.nan))
+    column = samples.accel.copy()
+    column[500 + row] = force, -force, 0.5 * force
+    f, told = filters.make("stateful"), []
+    rotors = sample_by_sample(replace(samples, accel=column), f, lambda: told.append(f.started))
+    assert all(told)
+    last = [tuple(q) for q in run(samples)]
+    assert errors_deg(rotors[600:], last[600:]).max() < 8.0
+
+
+def test_of_gaps_that_are_usual_every_sample_is_taken():
+    samples, truth = recording(30.0)
+    kept = np.flatnonzero(np.arange(len(samples)) % 11 < 2)  # steps of 10 and 100 ms
+    columns = (samples.stamps, samples.gyro, samples.accel, samples.mag)
+    f = filters.make("stateful")
+    rotors = f.run(Samples(*(column[kept] for column in columns)))
+    assert errors_deg(rotors, [truth[k] for k in kept])[100:].max() < 3.0
+    assert f.stddev[1] < 15.0 * DEGREE
+    assert counts(f) == (0, 0, 0)
+
+
+@pytest.mark.parametrize("seconds", [0.3, 2.0])
+def test_a_field_that_comes_with_the_first_sample_after_a_gap_tells_heading(seconds):
+    samples, truth = recording(30.0)
+    numbers = np.arange(len(samples))
+    period = round((seconds + 1.1) * RATE)
+    kept = np.flatnonzero((numbers % period < 110) | (numbers < 100))
+    first = np.r_[True, np.diff(kept) > 1]
+    mag = np.where(first[:, None] & (kept > 100)[:, None], samples.mag[kept], math.nan)
+    iron = (60e-6, 0.0, 0.0)
+    f = filters.make("stateful", Settings(known=Known(hard_iron=iron)))
+    columns = (samples.stamps[kept], samples.gyro[kept], samples.accel[kept], mag + np.array(iron))
+    found = f.run(Samples(*columns))
+    assert errors_deg(found, [truth[k] for k in kept])[-500:].max() < 12.0
+    assert counts(f) == (0, 0, 0)
 
 
 @pytest.mark.parametrize("gap", [0.2, 0.9])

@@ -160,7 +160,7 @@ def test_a_third_of_the_samples_loses_at_most_5_percent(trials):
 
 def test_true_errors_lie_within_the_deviations_told(trials):
     tilts, headings, widths = [], [], []
-    for trial in map(thinned, trials[::2]):
+    for trial in map(thinned, trials[::3]):
         f = filters.make("stateful")
         told = []
         rotors = live(trial.samples, f, lambda told=told, f=f: told.append(f.stddev))

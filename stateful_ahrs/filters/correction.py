@@ -31,8 +31,9 @@ MUCH = 0.9  # a smaller weight of the gyroscope path takes much of the snapshot
 UPSIDE_DOWN = 1e-3  # less than this of up above the opposite of the vertical tells no axis
 
 
-# What stands still in the earth frame: mean specific force (m/s²), the time that went into it (s,
-# at most `LOW_PASS`), the last magnetic field. Without names, because one is made for each sample.
+# What stands still in the earth frame: mean specific force (m/s²), the time that went into it (s;
+# before the last step at most `LOW_PASS`), the last magnetic field. Without names, because one is
+# made for each sample.
 Earth = tuple[Vector, float, Vector]
 NO_EARTH: Earth = (UP, 0.0, ZERO)
 

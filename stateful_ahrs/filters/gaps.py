@@ -2,7 +2,9 @@
 
 The mean of the rates before and after is the best guess of what it did; where a rate is none, the
 one before it is held. From then on the filter is less sure: the slow room of its attitude, and the
-fast path takes its means for those of a shorter time, as after a start. Not in the paper.
+fast path takes its means for those of a shorter time, as after a start. If too little is left, both
+have lost the attitude. The first sample after a gap waits for the second (`stateful.take`), since
+one that is bad would stand for the whole gap. Not in the paper.
 """
 
 from __future__ import annotations

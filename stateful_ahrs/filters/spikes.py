@@ -5,7 +5,7 @@ bus does. A rate and a force are taken back with the next sample; a field that d
 last good one by more than itself is not taken, unless it stays. In steps above 22 ms a motion may
 turn and turn back: there a rate is taken back only if no motion is as abrupt, or if gravity and
 field say so too, and else doubted. A start is one sample, and a first heading one field: if the
-next contradicts it, that is the start, or the first heading.
+next contradicts it, that is the start, or the first heading. Beside a gap see `gaps`.
 
 Not in the paper, and off where a filter is the paper's.
 """
@@ -28,14 +28,14 @@ BETTER = 0.25  # of a misfit: half of the angle
 ABRUPT = 400.0  # rad/s²: in no motion does a rate come and go as fast
 AGREEING = math.cos(math.radians(14.0))  # of the angle between two starts
 STAYS = 0.25  # s: after as long nothing is a glitch
-TWICE = 4.0  # of the square of a field
+FOURFOLD = 4.0  # of the square of a field: twice as strong
 SELDOM = 1.0  # s: likewise of a field, where none came between that was rejected
 
 
 # What is remembered for it, beside the last good rate: the rate before it (rad/s), the time that
 # the last one turned for (s; negative where the mean of both did, in a gap), the last force and the
-# one before (m/s²), the field before the last (earth frame). Without names, because one is made for
-# each sample.
+# one before (m/s²), the field before the last (earth frame; while a sample after a gap waits, its
+# own, as it was measured). Without names, because one is made for each sample.
 Seen = tuple[Vector, float, Vector, Vector, Vector]
 UNSEEN: Seen = (ZERO, 0.0, ZERO, ZERO, ZERO)
 
@@ -159,7 +159,7 @@ def confirmed(
         return senses, field, mag
     off = is_glitch(found, field, mag_age + dt, dt) or x < AGREEING * math.sqrt(level)
     strength, usual = square(mag), square(last_mag)
-    other = mag_age < SELDOM and max(strength, usual) > TWICE * min(strength, usual)
+    other = mag_age < SELDOM and max(strength, usual) > FOURFOLD * min(strength, usual)
     if judged and field == ZERO and other:
         mag_rejected += 1
         mag = (math.nan, math.nan, math.nan)

@@ -242,6 +242,9 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
         turn_rate, lost, held_for, span = guessed(
             last, learned, past, rate, turn_rate, gyro_rejected, dt
         )
+        if span < 0.0:
+            a, b, c, d, e, f, g, h, _ = past
+            past = (a, b, c, d, e, f, g, h, elapsed)
     turn = from_rate(turn_rate, dt)
     undone = 0.0
     if despike:
@@ -329,10 +332,7 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
     row, due = 0.0, False
     if learns:
         fresh = sources.use_mag and senses.mag_age == 0.0
-        gap = span < 0.0
-        past, row, due = passed(
-            past, fresh, change, elapsed, dt, lost, held_for, begins, starts, gap
-        )
+        past, row, due = passed(past, fresh, change, elapsed, dt, lost, held_for, begins, starts)
     return State(rotor, senses, elapsed, predicted, pace, learned, past, row, due, seen, earth)
 
 
@@ -342,7 +342,7 @@ def take(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
     There the first sample waits for the second, and of the two no single bad one has a say. Units
     are those of `step`.
     """
-    if gains.learns and gains.despike:
+    if (dt > GAP or state.past[7] < 0.0) and gains.learns and gains.despike:
         _, _, _, _, _, last_step, _, waiting, resumed = state.past
         if waiting == 0.0 and dt > GAP and is_gap(dt, last_step):
             rate, gyro_rejected = held(state.senses, gyro)
@@ -492,7 +492,6 @@ def passed(
     held_for: float,
     begins: bool,
     starts: bool,
-    gap: bool,
 ) -> tuple[Past, float, bool]:
     """What the slow room should know of a step that turned the predicted rotor by ``change``.
 
@@ -524,7 +523,7 @@ def passed(
             dt,
             doubt,
             held_for,
-            elapsed if gap else resumed,
+            resumed,
         ),
         row,
         rows > 0 and (time >= window - 0.5 * dt or rows == ROWS or doubt > MUCH_LOST),
@@ -640,7 +639,13 @@ def runner() -> Callable[..., Any]:
         "resume": packed(resume, State(), gains(DEFAULTS), *sample),
     }
     taking = bind(take, step=bind(step, **rare), **after_gap)
-    often = bind(run, take=taking, look_back=bind(look_back, learn=slow))
+    often = bind(
+        run,
+        take=taking,
+        look_back=bind(
+            look_back, learn=slow, attitude_lost=packed(attitude_lost, memory, Room(), Learned())
+        ),
+    )
     return compiled(often, inline=True, fused=True)
 
 
