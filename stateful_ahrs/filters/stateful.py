@@ -531,11 +531,13 @@ def passed(
 
 
 def note(memory: Floats, state: State, accel: Vector, mag: Vector) -> None:
-    """Write the sample that made ``state`` into the log, as its last row.
+    """Write the sample that made ``state`` into the log, as its last row, if it is to be one.
 
     After a gap the row says the rate at its end, not the mean that it turned by; the slow room,
     told of the gap, gives little on it.
     """
+    if state.row == 0.0:
+        return
     senses = state.senses
     _, _, rows, _, mag_row_time, _, _, _, _ = state.past
     at = LOG + COLUMNS * (rows - 1)
@@ -589,6 +591,13 @@ def look_back(state: State, room: Room, memory: Floats, gains: Gains) -> tuple[S
     return state, room
 
 
+def put(rotors: Array, i: int, rotor: Rotor, normalised: bool) -> None:
+    """Write one row of ``rotors`` (n, 4): a unit rotor."""
+    if not normalised:
+        rotor = unit(rotor)
+    rotors[i, 0], rotors[i, 1], rotors[i, 2], rotors[i, 3] = rotor
+
+
 def run(
     state: State,
     room: Room,
@@ -606,17 +615,21 @@ def run(
     while i < len(dts):
         if state.due:
             state, room = look_back(state, room, memory, gains)
-        while i < len(dts) and not state.due:
+        if not dts[i] <= GAP or state.past[7] < 0.0:  # apart: the loop below is faster without
             if dts[i] == dts[i]:
                 a = (accel[i, 0], accel[i, 1], accel[i, 2])
                 m = (mag[i, 0], mag[i, 1], mag[i, 2])
                 state = take(state, gains, (gyro[i, 0], gyro[i, 1], gyro[i, 2]), a, m, dts[i])
-                if state.row > 0.0:
-                    note(memory, state, a, m)
-            q = state.rotor
-            if not normalised:
-                q = unit(q)
-            rotors[i, 0], rotors[i, 1], rotors[i, 2], rotors[i, 3] = q
+                note(memory, state, a, m)
+            put(rotors, i, state.rotor, normalised)
+            i += 1
+            continue
+        while i < len(dts) and dts[i] <= GAP and not state.due:
+            a = (accel[i, 0], accel[i, 1], accel[i, 2])
+            m = (mag[i, 0], mag[i, 1], mag[i, 2])
+            state = step(state, gains, (gyro[i, 0], gyro[i, 1], gyro[i, 2]), a, m, dts[i])
+            note(memory, state, a, m)
+            put(rotors, i, state.rotor, normalised)
             i += 1
     return state, room
 
@@ -628,19 +641,13 @@ def runner() -> Callable[..., Any]:
     once = packed(measure, memory, 1.0, 1.0)  # in one place: else the code would fill the cache
     slow = bind(learn, measure=once, hear=bind(hear, measure=once))
     slow = packed(slow, memory, Room(), Learned(), window, gains(DEFAULTS).chosen)
-    rare = {
-        "cleared": packed(
-            cleared, IDENTITY, IDENTITY, ZERO, ZERO, UNSEEN, ZERO, ZERO, ZERO, 1.0, 1.0, 1.0
-        ),
-    }
+    rare = packed(cleared, IDENTITY, IDENTITY, ZERO, ZERO, UNSEEN, ZERO, ZERO, ZERO, 1.0, 1.0, 1.0)
     sample = ZERO, ZERO, ZERO, 1.0
-    after_gap = {
-        "wait": packed(wait, State(), gains(DEFAULTS), *sample),
-        "resume": packed(resume, State(), gains(DEFAULTS), *sample),
-    }
-    taking = bind(take, step=bind(step, **rare), **after_gap)
+    stepping = bind(step, cleared=rare)
+    taking = packed(bind(take, step=stepping), State(), gains(DEFAULTS), *sample)
     often = bind(
         run,
+        step=stepping,
         take=taking,
         look_back=bind(
             look_back, learn=slow, attitude_lost=packed(attitude_lost, memory, Room(), Learned())
@@ -728,8 +735,7 @@ class StatefulFilter(KernelFilter):
             before, self._room = look_back(before, self._room, self._memory, self._gains)
             self._before = before
         state = self._state = take(before, self._gains, gyro, accel, mag, dt)
-        if state.row > 0.0:
-            note(self._memory, state, accel, mag)
+        note(self._memory, state, accel, mag)
 
     def _changed(self) -> None:
         super()._changed()
