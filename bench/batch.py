@@ -67,12 +67,18 @@ def eventful(samples: Samples) -> Samples:
     gyro[after[0]], gyro[after[1] - 1], gyro[after[2] + 1] = 20.0, 20.0, 3.0
     accel[after[3]], mag[after[4] : after[4] + 2] = 100.0, 2e-4
     gyro[after[5] - 100 : after[5] + 100] *= 0.02  # slow enough to be known after it
+    often = 9300 + 20 * np.arange(40)  # packets, and what is bad in them
+    gyro[often[2]], gyro[often[6] - 1], gyro[often[10] + 1] = 20.0, 20.0, 20.0
+    accel[often[14]], accel[often[18] + 1], accel[often[22]] = 100.0, 100.0, np.nan
+    mag[often[26]], mag[often[30] + 1], mag[often[34]] = 2e-4, 2e-4, 0.0
+    gyro[often[38]] = np.nan
     quarter = len(samples) // 4
     mag[2 * quarter : 3 * quarter] *= 1.3  # another field, and back
     mag[3 * quarter : 3 * quarter + 100] = 0.0
     stamps = samples.stamps.copy()
     stamps[5500:] += 15_000_000 * np.minimum(np.arange(len(stamps) - 5500), 100)
-    for row, lost in zip([*after, quarter], [5, 10, 10, 10, 20, 40, 80], strict=True):
+    lost_before = [5, 10, 10, 10, 20, 40, *20 * [10, 20], 80]
+    for row, lost in zip([*after, *often, quarter], lost_before, strict=True):
         stamps[row:] += lost * 10_000_000
     stamps[3 * quarter :] += 2_000_000_000  # a new start, without a field
     return Samples(stamps, gyro, accel, mag)

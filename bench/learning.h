@@ -6,6 +6,7 @@
 
 #define DEGREE (3.14159265358979323846 / 180.0)
 #define ZERO ((Vector){0.0, 0.0, 0.0})
+#define NONE ((Vector){NAN, NAN, NAN})
 
 enum { ROWS = 64, STATES = 15, LEARNED = 12, PER_AXIS = 4, WIDTH = 16 };
 

@@ -93,6 +93,9 @@ static inline int heard(Vector mag)
     return 1e-24 < size && size < 1e24;
 }
 
+/* Whether there is a sample, good or not. */
+static inline int came(Vector mag) { return mag.x == mag.x || mag.y == mag.y || mag.z == mag.z; }
+
 /* Whether specific force can be gravity's. */
 static inline int usable(Vector accel)
 {

@@ -279,8 +279,10 @@ static inline Rotor corrected(Senses *senses, Earth *earth, const Learned *learn
             earth->field = field;
         }
     }
-    senses->mag_rejected += !fresh;
-    if (!fresh && senses->mag_age - dt >= STAYS) earth->field = ZERO; /* the next is believed */
+    if (!fresh && came(mag)) {
+        senses->mag_rejected++;
+        if (senses->mag_age - dt >= STAYS) earth->field = ZERO; /* the next is believed */
+    }
     if (!*anew) change.x += nudge.x, change.y += nudge.y, change.z += nudge.z;
     if (moved && fresh) earth->field = slightly(change, earth->field);
     earth->up = slightly(change, earth->up);
@@ -310,7 +312,7 @@ static Vector confirm(Senses *senses, Earth *earth, Vector mag, Rotor rotor, dou
              && larger(strength, usual) > FOURFOLD * smaller(strength, usual);
     if (lost && other) {
         senses->mag_rejected++;
-        return (Vector){NAN, NAN, NAN};
+        return NONE;
     }
     if (off && lost)
         senses->heading_known = 0;
@@ -511,10 +513,10 @@ static void wait(State *s, Vector rate, Vector accel, Vector mag, double dt)
             put_right(&s->earth.up, s->earth.time, s->rotor, turn, seen, accel) > 0.0;
     senses->accel_rejected += !usable(accel), senses->mag_rejected += !heard(mag);
     senses->rate = rate, senses->mag_age += dt;
-    *seen = (Seen){before, -dt, accel, carried(turn, seen->force), ZERO};
+    *seen = (Seen){before, -dt, accel, carried(turn, seen->force), heard(mag) ? mag : ZERO};
     double variance = variance_over_gap(before, rate, dt);
     double more = larger(0.0, variance_over_gap(earlier, rate, dt) - variance);
-    s->past.step = dt, s->past.held_for = -1.0 - more;
+    s->past.held_for = -1.0 - more;
     s->learned.heading_stddev = sqrt(squared(s->learned.heading_stddev) + variance + more);
     s->learned.tilt_stddev = sqrt(squared(s->learned.tilt_stddev) + variance + more);
     s->predicted = s->rotor = unit(product(s->rotor, turn));
@@ -538,6 +540,9 @@ static int resume(State *s, Vector gyro, Vector *accel, double dt)
         senses->accel_rejected += is_far(force, seen.force, JUMP_OF_FORCE)
                                || is_far(force, second, JUMP_OF_FORCE);
         *accel = carried(turn, force);
+    } else if (usable(seen.force) && !usable(*accel)) {
+        senses->accel_rejected++;
+        *accel = carried(turn, seen.force);
     }
     Vector meant = likely(before, last, rate);
     double span = -seen.span;
@@ -572,23 +577,62 @@ static int resume(State *s, Vector gyro, Vector *accel, double dt)
     senses->gyro_rejected += is_far(meant, last, JUMP_OF_RATE);
     senses->rate = meant;
     s->seen = (Seen){before, 0.0, seen.force, seen.force_before, earth->field};
-    past->doubt += lost, past->held_for = 0.0, past->resumed = s->elapsed;
+    past->doubt += lost, past->held_for = 0.0, past->resumed = s->elapsed, past->step = span;
     s->row = 0.0, s->due = 0;
     return lost > ALL_LOST;
 }
 
-/* A `step`, but after a gap, where a single bad sample would stand for all of it. */
-static inline void take(State *s, Gains gains, Vector gyro, Vector accel, Vector mag, double dt)
+/* Take the sample that waited where gaps are usual, now that the next is there. Changes `mag` to none
+   if the two fields contradict each other. */
+static void replay(State *s, Gains gains, Vector gyro, Vector accel, Vector *mag, double dt)
+{
+    Senses *senses = &s->senses;
+    Seen seen = s->seen;
+    double span = -seen.span;
+    int held = !(fabs(gyro.x) + fabs(gyro.y) + fabs(gyro.z) < FASTEST);
+    Vector last = senses->rate, rate = held ? last : gyro, before = seen.rate;
+    Rotor turn = from_rate(true_rate(&s->learned, rate), dt);
+    Vector meant = likely(before, last, rate), force = seen.force;
+    Rotor gap = from_rate(true_rate(&s->learned, over_gap(before, last, span)), span);
+    if (usable(seen.force) && usable(seen.force_before) && usable(accel))
+        force = likely(seen.force_before, seen.force, rotate(turn, accel));
+    if (heard(seen.field)) {
+        Vector iron = s->learned.hard_iron;
+        Vector was = total(carried(turn, minus(seen.field, iron)), iron);
+        if (square(minus(*mag, was)) > smaller(square(*mag), square(was))) {
+            senses->mag_rejected++;
+            *mag = NONE;
+        }
+    }
+    senses->gyro_rejected += is_far(meant, last, JUMP_OF_RATE);
+    senses->accel_rejected += is_far(force, seen.force, JUMP_OF_FORCE) - !usable(seen.force);
+    senses->rate = before, senses->mag_age -= span;
+    s->past.held_for = 0.0;
+    s->rotor = product(s->rotor, conjugate(gap));
+    s->seen = (Seen){before, 0.0, seen.force_before, seen.force_before, s->earth.field};
+    step(s, gains, meant, force, NONE, span);
+    if (s->row > 0.0) s->past.rows--, s->past.row_time = s->row; /* the next is one instead */
+    s->row = 0.0, s->due = 0;
+}
+
+/* A `step`, but after a gap, where a single bad sample would stand for all of it. Changes force and
+   field to those that it took. */
+static inline void take(State *s, Gains gains, Vector gyro, Vector *accel, Vector *mag, double dt)
 {
     Past *past = &s->past;
     if (past->held_for == 0.0 && dt > GAP && is_gap(dt, past->step)
-        && s->elapsed >= past->resumed + OFTEN
         && fabs(gyro.x) + fabs(gyro.y) + fabs(gyro.z) < FASTEST) {
-        wait(s, gyro, accel, mag, dt);
+        wait(s, gyro, *accel, *mag, dt);
         return;
     }
-    int lost = past->held_for < 0.0 && 0.0 < dt && resume(s, gyro, &accel, dt);
-    step(s, gains, gyro, accel, mag, dt);
+    int lost = 0;
+    if (past->held_for < 0.0 && 0.0 < dt) {
+        if (s->elapsed < past->resumed + OFTEN)
+            replay(s, gains, gyro, *accel, mag, dt);
+        else
+            lost = resume(s, gyro, accel, dt);
+    }
+    step(s, gains, gyro, *accel, *mag, dt);
     if (lost) {
         *past = (Past){.time = -1.0, .mag_row_time = 1.0, .step = past->step,
                        .resumed = past->resumed};
@@ -645,7 +689,7 @@ void run(long n, double alpha, double alpha_rate, const double *gyro, const doub
         if (steps[i] == steps[i]) {
             Vector g = {gyro[0], gyro[1], gyro[2]}, a = {accel[0], accel[1], accel[2]};
             Vector m = {mag[0], mag[1], mag[2]};
-            take(&s, gains, g, a, m, steps[i]);
+            take(&s, gains, g, &a, &m, steps[i]);
             if (s.row > 0.0) note(&memory, &s, a, m);
         }
         Rotor q = s.rotor;

@@ -120,6 +120,7 @@ from .spikes import (
     over_gap,
     put_right,
     shorter,
+    square,
     variance_doubted,
     way_back,
 )
@@ -136,6 +137,7 @@ DISTURBED = 0.05  # trust of a field three standard deviations off
 # being held (s; while a sample after a gap waits, -1 less a part of that variance), and at the end
 # of the last gap the time since the start (s). Without names, because one is made for each sample.
 Past = tuple[float, Vector, int, float, float, float, float, float, float]
+NO_VECTOR: Vector = (math.nan, math.nan, math.nan)
 NO_PAST: Past = (0.0, ZERO, 0, 0.0, 1.0, 0.0, 0.0, 0.0, -OFTEN)
 
 
@@ -336,24 +338,28 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
     return State(rotor, senses, elapsed, predicted, pace, learned, past, row, due, seen, earth)
 
 
-def take(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, dt: float) -> State:
+def take(
+    state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, dt: float
+) -> tuple[State, Vector, Vector]:
     """A `step`, but after a gap, where a single bad sample would stand for all of it.
 
     There the first sample waits for the second, and of the two no single bad one has a say. Units
-    are those of `step`.
+    are those of `step`. Also returns force and field as they were taken.
     """
     if (dt > GAP or state.past[7] < 0.0) and gains.learns and gains.despike:
         _, _, _, _, _, last_step, _, waiting, resumed = state.past
         if waiting == 0.0 and dt > GAP and is_gap(dt, last_step):
             rate, gyro_rejected = held(state.senses, gyro)
-            seldom = state.elapsed >= resumed + OFTEN
-            if seldom and gyro_rejected == state.senses.gyro_rejected:
-                return wait(state, gains, rate, accel, mag, dt)
+            if gyro_rejected == state.senses.gyro_rejected:
+                return wait(state, gains, rate, accel, mag, dt), accel, mag
         if waiting < 0.0 < dt:
+            if state.elapsed < resumed + OFTEN:
+                state, mag = replay(state, gains, gyro, accel, mag, dt)
+                return step(state, gains, gyro, accel, mag, dt), accel, mag
             state, accel, mag, lost = resume(state, gains, gyro, accel, mag, dt)
             state = step(state, gains, gyro, accel, mag, dt)
-            return forgotten(state) if lost else state
-    return step(state, gains, gyro, accel, mag, dt)
+            return (forgotten(state) if lost else state), accel, mag
+    return step(state, gains, gyro, accel, mag, dt), accel, mag
 
 
 def wait(state: State, gains: Gains, rate: Vector, accel: Vector, mag: Vector, dt: float) -> State:
@@ -386,8 +392,8 @@ def wait(state: State, gains: Gains, rate: Vector, accel: Vector, mag: Vector, d
     seen = (before, -dt, accel, carried(turn, seen[2]), mag if fresh else ZERO)
     variance = variance_over_gap(before, rate, dt)
     more = max(0.0, variance_over_gap(earlier, rate, dt) - variance)
-    time, applied, rows, row_time, mag_row_time, _, doubt, _, resumed = past
-    past = (time, applied, rows, row_time, mag_row_time, dt, doubt, -1.0 - more, resumed)
+    time, applied, rows, row_time, mag_row_time, step, doubt, _, resumed = past
+    past = (time, applied, rows, row_time, mag_row_time, step, doubt, -1.0 - more, resumed)
     learned = less_sure(learned, variance + more)
     rotor = unit(product(rotor, turn))
     return State(rotor, senses, elapsed, rotor, pace, learned, past, 0.0, False, seen, earth)
@@ -404,7 +410,7 @@ def resume(
     """
     rotor, last, elapsed, predicted, pace, learned, past, _, _, seen, earth = state
     before, span, first, force_before, first_mag = seen
-    since, applied, rows, row_time, mag_row_time, last_step, doubt, waiting, _ = past
+    since, applied, rows, row_time, mag_row_time, _, doubt, waiting, _ = past
     span = -span
     rate, _ = held(last, gyro)
     turn = from_rate(true_rate(learned, rate), dt)
@@ -418,6 +424,9 @@ def resume(
         if is_far(force, first, JUMP_OF_FORCE) or is_far(force, second, JUMP_OF_FORCE):
             accel_rejected += 1
         accel = carried(turn, force)
+    elif usable(first) and not usable(accel):
+        accel_rejected += 1
+        accel = carried(turn, first)
 
     meant = likely(before, last.rate, rate)
     back = conjugate(from_rate(over_gap(before, last.rate, span), span))
@@ -464,12 +473,68 @@ def resume(
         last.mag_rejected,
     )
     seen = (before, 0.0, first, force_before, field)
-    past = (since, applied, rows, row_time, mag_row_time, last_step, doubt + lost, 0.0, elapsed)
+    past = (since, applied, rows, row_time, mag_row_time, span, doubt + lost, 0.0, elapsed)
     earth = (mean, time, field)
     state = State(
         rotor, senses, elapsed, predicted, pace, learned, past, 0.0, False, seen, earth,
     )  # fmt: skip
     return state, accel, mag, all_lost
+
+
+def replay(
+    state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, dt: float
+) -> tuple[State, Vector]:
+    """Take the sample that waited where gaps are usual, now that the next is there, ``dt`` s after.
+
+    It is taken as any other, but its rate and force are the `likely` ones. Also returns the field
+    for `step`: the first one's if there is no second, none if the two contradict each other.
+    """
+    rotor, last, elapsed, _, pace, learned, past, _, _, seen, earth = state
+    before, span, first, force_before, first_mag = seen
+    span = -span
+    rate, _ = held(last, gyro)
+    turn = from_rate(true_rate(learned, rate), dt)
+    meant = likely(before, last.rate, rate)
+    gap = from_rate(true_rate(learned, over_gap(before, last.rate, span)), span)
+    second = rotate(turn, accel)
+    force = first
+    if usable(first) and usable(force_before) and usable(accel):
+        force = likely(force_before, first, second)
+    mag_rejected = last.mag_rejected
+    if heard(first_mag):
+        iron = learned.hard_iron
+        was = total(carried(turn, minus(first_mag, iron)), iron)
+        if not came(mag):
+            mag = was
+        elif square(minus(mag, was)) > min(square(mag), square(was)):
+            mag_rejected += 1
+            mag = NO_VECTOR
+    senses = Senses(
+        before,
+        last.mag,
+        last.mag_age - span,
+        last.started,
+        last.heading_known,
+        last.turned,
+        last.sign_corrections,
+        last.gyro_rejected + int(is_far(meant, last.rate, JUMP_OF_RATE)),
+        last.accel_rejected - int(not usable(first)) + int(is_far(force, first, JUMP_OF_FORCE)),
+        mag_rejected,
+    )
+    a, b, c, d, e, f, g, _, h = past
+    past = (a, b, c, d, e, f, g, 0.0, h)
+    rotor = product(rotor, conjugate(gap))
+    seen = (before, 0.0, force_before, force_before, earth[2])
+    state = State(rotor, senses, elapsed, rotor, pace, learned, past, 0.0, False, seen, earth)
+    state = step(state, gains, meant, force, NO_VECTOR, span)
+    a, b, c, d, e, f, g, h, i = state.past
+    if state.row > 0.0:  # the next is a row instead
+        c, d = c - 1, state.row
+    state = State(
+        state.rotor, state.senses, state.elapsed, state.predicted, state.pace, state.learned,
+        (a, b, c, d, e, f, g, h, i), 0.0, False, state.seen, state.earth,
+    )  # fmt: skip
+    return state, mag
 
 
 def forgotten(state: State) -> State:
@@ -619,7 +684,8 @@ def run(
             if dts[i] == dts[i]:
                 a = (accel[i, 0], accel[i, 1], accel[i, 2])
                 m = (mag[i, 0], mag[i, 1], mag[i, 2])
-                state = take(state, gains, (gyro[i, 0], gyro[i, 1], gyro[i, 2]), a, m, dts[i])
+                g = (gyro[i, 0], gyro[i, 1], gyro[i, 2])
+                state, a, m = take(state, gains, g, a, m, dts[i])
                 note(memory, state, a, m)
             put(rotors, i, state.rotor, normalised)
             i += 1
@@ -734,8 +800,8 @@ class StatefulFilter(KernelFilter):
         if before.due:
             before, self._room = look_back(before, self._room, self._memory, self._gains)
             self._before = before
-        state = self._state = take(before, self._gains, gyro, accel, mag, dt)
-        note(self._memory, state, accel, mag)
+        self._state, accel, mag = take(before, self._gains, gyro, accel, mag, dt)
+        note(self._memory, self._state, accel, mag)
 
     def _changed(self) -> None:
         super()._changed()
