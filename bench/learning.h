@@ -39,7 +39,7 @@ static const double SURPRISE_TIME = 5.0, SURPRISE_SPREAD = 2.0 * DEGREE;
 static const double SWAP_DEVIATION = 5.0 * DEGREE;
 /* Hard iron left over. */
 static const double IRON_AT_START = 0.1, IRON_NOISE = 0.04, IRON_SEEN = 0.05, IRON_RANGE = 10.0;
-static const double UNIT_OFF = 0.5, ANOTHER = 0.03, LEAP = 0.05, LEAP_PER_TURN = 0.7;
+static const double UNIT_OFF = 0.5, ANOTHER = 0.03, LEAP = 0.05, LEAP_PER_TURN = 0.7, LEAP_OF_ONE = 0.3;
 static const double FREED = 1e6;
 static const double IRON_FORGET = 200.0, IRON_FORGET_DISTURBED = 10.0;
 
@@ -208,11 +208,12 @@ static Sums gather(Memory *m, const Window *window, const Learned *learned, doub
     Sums sums = {0};
     Vector accel = ZERO;
     double rate_square = 0.0, accel_square = 0.0, per_unit = unit > 0.0 ? 1.0 / unit : 0.0;
+    double last = 0.0, since = 0.0;
     memset(m->effect, 0, sizeof m->effect);
     for (int n = 0; n < window->rows; n++) {
         const Row *row = &m->log[n];
         const Matrix turn = matrix(row->predicted);
-        sums.time += row->span;
+        sums.time += row->span, since += row->span;
         Vector unbiased = minus(row->rate, learned->bias), moved = times(row->span, unbiased);
         const double did[PER_AXIS] = {-row->span, moved.x, moved.y, moved.z};
         for (int i = 0; i < 3; i++)
@@ -232,10 +233,14 @@ static Sums gather(Memory *m, const Window *window, const Learned *learned, doub
         sums.field = total(sums.field, apply(&turn, mag));
         sums.field_rate = total(sums.field_rate, apply(&turn, late));
         sums.field_rate_square += square(late);
+        double turned = since * sqrt(square(late) / (square(mag) + 1e-30));
         if (unit == 0.0) unit = sqrt(square(row->mag)) + 1e-30, per_unit = 1.0 / unit;
         mag = times(per_unit, row->mag);
         double size = square(mag);
         sums.largest = larger(sums.largest, size);
+        double of_both = (LEAP_OF_ONE + LEAP_PER_TURN * turned) * 0.5 * (size + last);
+        if (last > 0.0 && fabs(size - last) > of_both) sums.largest = INFINITY;
+        last = size, since = 0.0;
         sums.xx += mag.x * mag.x, sums.xy += mag.x * mag.y, sums.xz += mag.x * mag.z;
         sums.yy += mag.y * mag.y, sums.yz += mag.y * mag.z, sums.zz += mag.z * mag.z;
         sums.m = total(sums.m, mag), sums.qq += size;

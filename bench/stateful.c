@@ -33,7 +33,7 @@ static inline double part_of_heading(const Learned *learned, double tilt_rate, d
 
 /* spikes.py */
 static const double JUMP_OF_RATE = 4.0; /* rad/s */
-static const double JUMP_OF_FORCE = 30.0; /* m/s^2 */
+static const double JUMP_OF_FORCE = 30.0, JUMP_AT_START = 6.0; /* m/s^2 */
 static const double ALIKE = 1.0 / 16.0; /* of the square of the jump */
 static const double SHORT = 0.022, STAYS = 0.25, SELDOM = 1.0; /* s */
 static const double BETTER = 0.25; /* of a misfit */
@@ -45,6 +45,12 @@ static const double CHANGE = 20.0; /* rad/s^2 */
 /* The rate before the last, the time that the last turned for (negative where the mean of both did),
    the last force, the one before, the field before the last (earth frame). */
 typedef struct { Vector rate; double span; Vector force, force_before, field; } Seen;
+
+/* How far a force may be a glitch, so long after a start. */
+static inline double jump_of_force(double elapsed)
+{
+    return elapsed < START_LOW_PASSED ? JUMP_AT_START : JUMP_OF_FORCE;
+}
 
 static Vector middle(Vector u, Vector v) { return times(0.5, total(u, v)); }
 
@@ -136,11 +142,11 @@ static int contradicts(Rotor rotor, const Seen *seen, Vector accel)
 
 /* A mean of forces over `time` without the last one, if that was none; for how long it counted. */
 static double put_right(Vector *mean, double time, Rotor rotor, Rotor turn, const Seen *seen,
-                        Vector accel)
+                        Vector accel, double jump)
 {
     if (!(usable(seen->force) && seen->span > 0.0)) return 0.0;
     Vector after = rotate(turn, accel);
-    Vector knock = to_neighbours(seen->force, seen->force_before, after, JUMP_OF_FORCE);
+    Vector knock = to_neighbours(seen->force, seen->force_before, after, jump);
     if (square(knock) == 0.0) return 0.0;
     *mean = total(*mean, times(seen->span / time, rotate(rotor, knock)));
     return seen->span;
@@ -181,7 +187,7 @@ static double variance_over_gap(Vector before, Vector after, double span)
 static double left_of(double time, double lost) { return time / (1.0 + time * lost / SURE); }
 
 /* correction.py */
-static const double NEARLY_UPRIGHT = 0.01, FAR = 0.999, MUCH = 0.9, UPSIDE_DOWN = 1e-3;
+static const double NEARLY_UPRIGHT = 0.01, FAR = 0.999, NEARLY_NORTH = 0.9, MUCH = 0.9, UPSIDE_DOWN = 1e-3;
 static const double FAR_OFF = 0.86602540378443865; /* cos 30 degrees */
 static const int FIRST_HEADING = 3;
 
@@ -224,11 +230,19 @@ static inline Rotor uprighted(Vector up, double part)
 /* `change`, and after it `part` of the turn from a measured north, level and of length one. */
 static inline Rotor turned_north(Rotor change, double north, double west, double part)
 {
-    double cosine = 1.0 - 0.5 * part * (1.0 - north), sine = -0.5 * part * west;
+    double cosine = 0.5 * (1.0 + north), sine = -0.5 * west; /* of the whole turn, but for length */
+    if (north < NEARLY_NORTH) {
+        double whole = cosine * cosine + sine * sine;
+        if (whole < 1e-12) {
+            cosine = 0.0, sine = 1.0; /* it is opposite */
+        } else {
+            double s = 1.0 / sqrt(whole);
+            cosine *= s, sine *= s;
+        }
+    }
+    cosine = 1.0 - part * (1.0 - cosine), sine *= part;
     double size = cosine * cosine + sine * sine;
-    if (size < 1e-12) {
-        cosine = 0.0, sine = 1.0; /* it is opposite */
-    } else if (size < FAR) {
+    if (size < FAR) {
         double s = 1.0 / sqrt(size);
         cosine *= s, sine *= s;
     }
@@ -256,12 +270,12 @@ static inline Rotor corrected(Senses *senses, Earth *earth, const Learned *learn
     senses->mag_age += dt;
     int fresh = heard(mag), moved = pace.weight < MUCH;
     if (fresh) {
-        Vector field = rotate(predicted, mag);
+        Vector found = rotate(predicted, mag), field = found;
         if (moved) /* then level is where up is now, not where it was predicted */
             field = slightly(change, field);
         double level = field.x * field.x + field.y * field.y;
         fresh = level > LEVEL * LEVEL * (level + field.z * field.z) /* else it is along gravity */
-             && !is_glitch(field, earth->field, senses->mag_age, dt);
+             && !is_glitch(found, earth->field, senses->mag_age, dt);
         if (fresh) {
             double length = sqrt(level), north = field.x / length, west = field.y / length;
             *anew = senses->heading_known <= 0;
@@ -276,7 +290,7 @@ static inline Rotor corrected(Senses *senses, Earth *earth, const Learned *learn
                 change = turned_north(change, north, west, part);
             }
             senses->mag = mag, senses->mag_age = 0.0;
-            earth->field = field;
+            earth->field = found;
         }
     }
     if (!fresh && came(mag)) {
@@ -284,7 +298,7 @@ static inline Rotor corrected(Senses *senses, Earth *earth, const Learned *learn
         if (senses->mag_age - dt >= STAYS) earth->field = ZERO; /* the next is believed */
     }
     if (!*anew) change.x += nudge.x, change.y += nudge.y, change.z += nudge.z;
-    if (moved && fresh) earth->field = slightly(change, earth->field);
+    if (moved) earth->field = slightly(change, earth->field);
     earth->up = slightly(change, earth->up);
 
     double w = predicted.w, x = predicted.x, y = predicted.y, z = predicted.z;
@@ -388,6 +402,17 @@ static inline Vector true_field(const Learned *learned, Vector mag, Vector rate)
     return minus(v, times(learned->delay, cross(rate, v)));
 }
 
+/* Turn the rotor so that the mean of forces is up. */
+static void at_once(State *s)
+{
+    Rotor change = uprighted(s->earth.up, 1.0);
+    Vector turned = {2.0 * change.x, 2.0 * change.y, 2.0 * change.z};
+    s->past.applied = total(s->past.applied, turned);
+    s->earth.up = slightly(change, s->earth.up);
+    s->earth.field = slightly(change, s->earth.field);
+    s->rotor = product(change, s->rotor);
+}
+
 /* What the slow room should know of a step that turned the predicted rotor by `change`. */
 static inline void passed(State *s, Rotor change, double dt, double lost, double held_for,
                           int begins, int starts)
@@ -455,9 +480,11 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
             if (!(better && late)) lost += variance_doubted(&s->seen, knock);
             if (better) turn = back, senses->gyro_rejected++;
         }
-        if (span > 0.0 && s->earth.time > 0.0 && is_far(accel, s->seen.force, JUMP_OF_FORCE)) {
-            undone = put_right(&s->earth.up, s->earth.time, s->rotor, turn, &s->seen, accel);
-            senses->accel_rejected += undone > 0.0; /* a start may have it */
+        double jump = jump_of_force(s->elapsed);
+        if (span > 0.0 && s->earth.time > 0.0 && is_far(accel, s->seen.force, jump)) {
+            undone = put_right(&s->earth.up, s->earth.time, s->rotor, turn, &s->seen, accel, jump);
+            senses->accel_rejected += undone > 0.0;
+            if (undone > 0.0 && s->elapsed < START_LOW_PASSED) at_once(s);
         }
     }
     /* What a start takes is in no low-pass, and nothing has turned by it. */
@@ -508,9 +535,10 @@ static void wait(State *s, Vector rate, Vector accel, Vector mag, double dt)
         senses->gyro_rejected++;
         turn = product(way_back(last, seen, minus(before, last)), turn);
     }
-    if (s->earth.time > 0.0 && is_far(accel, seen->force, JUMP_OF_FORCE))
+    double jump = jump_of_force(s->elapsed);
+    if (s->earth.time > 0.0 && is_far(accel, seen->force, jump))
         senses->accel_rejected +=
-            put_right(&s->earth.up, s->earth.time, s->rotor, turn, seen, accel) > 0.0;
+            put_right(&s->earth.up, s->earth.time, s->rotor, turn, seen, accel, jump) > 0.0;
     senses->accel_rejected += !usable(accel), senses->mag_rejected += !heard(mag);
     senses->rate = rate, senses->mag_age += dt;
     *seen = (Seen){before, -dt, accel, carried(turn, seen->force), heard(mag) ? mag : ZERO};
@@ -568,12 +596,8 @@ static int resume(State *s, Vector gyro, Vector *accel, double dt)
         Vector up = rotate(product(s->rotor, turn), *accel);
         earth->time += counts, s->elapsed += counts;
         earth->up = total(earth->up, times(counts / earth->time, minus(up, earth->up)));
-        if (lost > ALL_LOST) { /* up at once, as north will be told by it */
-            Rotor change = uprighted(earth->up, 1.0);
-            s->rotor = product(change, s->rotor);
-            earth->up = slightly(change, earth->up);
-        }
     }
+    if (lost > ALL_LOST) at_once(s); /* as north will be told by it */
     senses->gyro_rejected += is_far(meant, last, JUMP_OF_RATE);
     senses->rate = meant;
     s->seen = (Seen){before, 0.0, seen.force, seen.force_before, earth->field};

@@ -26,6 +26,7 @@ from .spikes import STAYS, ZERO, is_glitch
 
 NEARLY_UPRIGHT = 0.01  # square of the tangent of the angle to the vertical
 FAR = 0.999  # square of a rotor's length: below it, one between two others is made a unit again
+NEARLY_NORTH = 0.9  # cosine of a heading's error: half a rotor's length is then as good
 FAR_OFF = math.cos(math.radians(30.0))  # of a heading that is then told anew
 MUCH = 0.9  # a smaller weight of the gyroscope path takes much of the snapshot
 UPSIDE_DOWN = 1e-3  # less than this of up above the opposite of the vertical tells no axis
@@ -91,19 +92,20 @@ def corrected(
     if x == x or y == y or z == z:  # a sample came
         fresh = heard(mag)
         if fresh:
-            x, y, z = rotate(predicted, mag)
+            found = rotate(predicted, mag)
+            x, y, z = found
             if moved:  # then level is where up is now, not where it was predicted
-                x, y, z = slightly(change, (x, y, z))
+                x, y, z = slightly(change, found)
             level = x * x + y * y
             fresh = level > LEVEL * LEVEL * (level + z * z)  # else it is along gravity
             if fresh and gains.despike:
-                fresh = not is_glitch((x, y, z), field, mag_age, dt)
+                fresh = not is_glitch(found, field, mag_age, dt)
         if not fresh:
             mag_rejected += 1
             if mag_age - dt >= STAYS:
                 field = ZERO  # the next is believed
         else:
-            field = (x, y, z)
+            field = found
             last_mag = mag
             if gains.sources.use_mag:
                 length = math.sqrt(level)
@@ -121,7 +123,7 @@ def corrected(
     if not anew:
         w, i, j, k = change
         change = (w, i + nudge[0], j + nudge[1], k + nudge[2])
-    if moved and mag_age == 0.0:  # else it is as good where it was seen
+    if moved:  # else it is as good where it was seen
         field = slightly(change, field)
 
     was_turned = turned
@@ -185,11 +187,17 @@ def turned_north(change: Rotor, north: float, west: float, part: float) -> Rotor
     The measured one is level and of length one. The turn is about the vertical, between the rotors
     of no turn and of the whole one; ``change`` is one about a level axis.
     """
-    cosine, sine = 1.0 - 0.5 * part * (1.0 - north), -0.5 * part * west
+    cosine, sine = 0.5 * (1.0 + north), -0.5 * west  # of the whole turn, but for the length
+    if north < NEARLY_NORTH:
+        square = cosine * cosine + sine * sine
+        if square < 1e-12:
+            cosine, sine = 0.0, 1.0  # it is opposite
+        else:
+            s = 1.0 / math.sqrt(square)
+            cosine, sine = s * cosine, s * sine
+    cosine, sine = 1.0 - part * (1.0 - cosine), part * sine
     square = cosine * cosine + sine * sine
-    if square < 1e-12:
-        cosine, sine = 0.0, 1.0  # it is opposite
-    elif square < FAR:
+    if square < FAR:
         s = 1.0 / math.sqrt(square)
         cosine, sine = s * cosine, s * sine
     w, x, y, _ = change

@@ -84,6 +84,7 @@ IRON_RANGE = 10.0  # of the norm: a stronger field is another's
 ANOTHER = 0.03  # less can be the same field
 FREED = 1e6  # variance of a constant of which nothing is known
 LEAP, LEAP_PER_TURN = 0.05, 0.7  # between windows, and for each rad: no hard iron does that
+LEAP_OF_ONE = 0.3  # likewise between two samples
 UNIT_OFF = 0.5  # how far the unit of the equations may be from the norm of the reference
 
 
@@ -348,7 +349,7 @@ def gather(memory: Floats, rows: int, up: Vector, learned: Learned, room: Room) 
     rate_x = rate_y = rate_z = rate_square = 0.0
     accel_x = accel_y = accel_z = accel_square = motion = 0.0
     count = 0
-    fx = fy = fz = dx = dy = dz = square = largest = 0.0
+    fx = fy = fz = dx = dy = dz = square = largest = last = since = 0.0
     sxx = sxy = sxz = syy = syz = szz = sx = sy = sz = qx = qy = qz = qq = 0.0
     for k in range(rows):
         at = LOG + COLUMNS * k
@@ -358,6 +359,7 @@ def gather(memory: Floats, rows: int, up: Vector, learned: Learned, room: Room) 
         mx, my, mz = memory[at + 10], memory[at + 11], memory[at + 12]
         span = memory[at + 13]
         time += span
+        since += span
         ux, uy, uz = gx - bx, gy - by, gz - bz
         for i in range(3 * 3):  # for `effects`
             memory[at + i] = turn[i]
@@ -377,13 +379,14 @@ def gather(memory: Floats, rows: int, up: Vector, learned: Learned, room: Room) 
             wz = rz[0] * ux + rz[1] * uy + rz[2] * uz
             ix, iy, iz = mx - hx, my - hy, mz - hz
             cx, cy, cz = wy * iz - wz * iy, wz * ix - wx * iz, wx * iy - wy * ix
+            across = cx * cx + cy * cy + cz * cz
             fx += turn[0] * ix + turn[1] * iy + turn[2] * iz
             fy += turn[3] * ix + turn[4] * iy + turn[5] * iz
             fz += turn[6] * ix + turn[7] * iy + turn[8] * iz
             dx += turn[0] * cx + turn[1] * cy + turn[2] * cz
             dy += turn[3] * cx + turn[4] * cy + turn[5] * cz
             dz += turn[6] * cx + turn[7] * cy + turn[8] * cz
-            square += cx * cx + cy * cy + cz * cz
+            square += across
             mx, my, mz = mx - kx, my - ky, mz - kz
             if unit == 0.0:
                 unit = math.sqrt(mx * mx + my * my + mz * mz) + 1e-30
@@ -391,6 +394,11 @@ def gather(memory: Floats, rows: int, up: Vector, learned: Learned, room: Room) 
             mx, my, mz = mx * per_unit, my * per_unit, mz * per_unit
             mm = mx * mx + my * my + mz * mz
             largest = max(largest, mm)
+            turned = since * math.sqrt(across / (ix * ix + iy * iy + iz * iz + 1e-30))
+            of_both = (LEAP_OF_ONE + LEAP_PER_TURN * turned) * 0.5 * (mm + last)
+            if last > 0.0 and abs(mm - last) > of_both:
+                largest = math.inf
+            last, since = mm, 0.0
             sxx, sxy, sxz = sxx + mx * mx, sxy + mx * my, sxz + mx * mz
             syy, syz, szz = syy + my * my, syz + my * mz, szz + mz * mz
             sx, sy, sz, qq = sx + mx, sy + my, sz + mz, qq + mm

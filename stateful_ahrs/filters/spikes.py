@@ -15,12 +15,14 @@ from __future__ import annotations
 import math
 
 from ..rotor import Rotor, Vector, conjugate, from_rate, minus, product, rotate, total
+from .gains import START_LOW_PASSED
 from .learning import LEVEL
 from .senses import FIRST_HEADING, Senses, heard, usable
 
 ZERO: Vector = (0.0, 0.0, 0.0)
 JUMP_OF_RATE = 4.0  # rad/s
 JUMP_OF_FORCE = 30.0  # m/s²
+JUMP_AT_START = 6.0  # m/s²: as each is much of a start's mean
 ALIKE = 1.0 / 16.0  # of the square of the jump: how near the two neighbours are
 CHANGE = 20.0  # rad/s²: in a gap a rate may well change so
 SHORT = 0.022  # s: in longer steps a motion may well turn and turn back
@@ -48,6 +50,11 @@ def is_far(u: Vector, v: Vector, jump: float) -> bool:
     return x * x + y * y + z * z > jump * jump
 
 
+def jump_of_force(elapsed: float) -> float:
+    """How far (m/s²) a force may be a glitch, so long (s) after a start."""
+    return JUMP_AT_START if elapsed < START_LOW_PASSED else JUMP_OF_FORCE
+
+
 def cleared(
     rotor: Rotor,
     turn: Rotor,
@@ -71,8 +78,9 @@ def cleared(
     taken_back, doubt, undone = 0, 0.0, 0.0
     if is_far(rate, last, JUMP_OF_RATE):
         turn, taken_back, doubt = judged(rotor, turn, rate, last, seen, accel, mag, elapsed, dt)
-    if time > 0.0 and is_far(accel, seen[2], JUMP_OF_FORCE):
-        mean, undone = put_right(mean, time, rotor, turn, seen, accel)
+    jump = jump_of_force(elapsed)
+    if time > 0.0 and is_far(accel, seen[2], jump):
+        mean, undone = put_right(mean, time, rotor, turn, seen, accel, jump)
     return turn, taken_back, doubt, mean, undone
 
 
@@ -195,17 +203,18 @@ def misfit(rotor: Rotor, accel: Vector, mag: Vector, field: Vector) -> float:
 
 
 def put_right(
-    mean: Vector, time: float, rotor: Rotor, turn: Rotor, seen: Seen, accel: Vector
+    mean: Vector, time: float, rotor: Rotor, turn: Rotor, seen: Seen, accel: Vector, jump: float
 ) -> tuple[Vector, float]:
     """A mean of forces (earth frame) over ``time`` s without the last one, if that was none.
 
     ``rotor`` (sensor → earth) is that of the last, ``turn`` the one since, ``accel`` (m/s²) what
-    came after it. Also returns for how long (s) it counted, 0 if it stays.
+    came after it, ``jump`` (m/s²) how far one that is none is off. Also returns for how long (s)
+    it counted, 0 if it stays.
     """
     _, span, force, before, _ = seen
     if not (usable(force) and span > 0.0):
         return mean, 0.0
-    knock = to_neighbours(force, before, rotate(turn, accel), JUMP_OF_FORCE)
+    knock = to_neighbours(force, before, rotate(turn, accel), jump)
     if knock == ZERO:
         return mean, 0.0
     share = span / time

@@ -115,6 +115,7 @@ from .spikes import (
     confirmed,
     contradicts,
     is_far,
+    jump_of_force,
     likely,
     middle,
     over_gap,
@@ -255,14 +256,18 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
             if second and contradicts(predict(rotor, turn), seen, accel):
                 # No field is carried by a turn that may be none.
                 last, span = amended(last, False, 0, math.inf, last.accel_rejected + 1), 0.0
+            jump = jump_of_force(elapsed)
             if span > 0.0 and (
-                is_far(rate, last.rate, JUMP_OF_RATE) or is_far(accel, seen[2], JUMP_OF_FORCE)
+                is_far(rate, last.rate, JUMP_OF_RATE) or is_far(accel, seen[2], jump)
             ):
                 time = earth[1] if low_pass else 0.0
                 turn, taken_back, doubt, mean, undone = cleared(
                     rotor, turn, rate, last.rate, seen, accel, mag, earth[0], time, elapsed, dt
                 )
                 earth = (mean, earth[1], earth[2])
+                if undone > 0.0 and elapsed < START_LOW_PASSED and average_start:
+                    # The last force turned it, too.
+                    rotor, earth, past = at_once(rotor, earth, past)
                 gyro_rejected += taken_back
                 accel_rejected = last.accel_rejected + int(undone > 0.0)
                 last = amended(last, last.started, last.heading_known, last.mag_age, accel_rejected)
@@ -372,8 +377,9 @@ def wait(state: State, gains: Gains, rate: Vector, accel: Vector, mag: Vector, d
     if is_far(before, last.rate, JUMP_OF_RATE):
         gyro_rejected += 1
         turn = product(way_back(last.rate, seen, minus(before, last.rate)), turn)
-    if gains.low_pass and earth[1] > 0.0 and is_far(accel, seen[2], JUMP_OF_FORCE):
-        mean, undone = put_right(earth[0], earth[1], rotor, turn, seen, accel)
+    jump = jump_of_force(elapsed)
+    if gains.low_pass and earth[1] > 0.0 and is_far(accel, seen[2], jump):
+        mean, undone = put_right(earth[0], earth[1], rotor, turn, seen, accel, jump)
         earth = (mean, earth[1], earth[2])
         accel_rejected += int(undone > 0.0)
     fresh = heard(mag)
@@ -456,10 +462,9 @@ def resume(
         time += counts
         mean = toward(mean, rotate(product(rotor, turn), accel), counts / time)
         elapsed += counts
-        if all_lost:  # up at once, as north will be told by it
-            change = uprighted(mean, 1.0)
-            rotor = product(change, rotor)
-            mean = slightly(change, mean)
+    earth = (mean, time, field)
+    if all_lost:  # up, as north will be told by it
+        rotor, earth, _ = at_once(rotor, earth, past)
     senses = Senses(
         meant,
         last.mag,
@@ -474,7 +479,6 @@ def resume(
     )
     seen = (before, 0.0, first, force_before, field)
     past = (since, applied, rows, row_time, mag_row_time, span, doubt + lost, 0.0, elapsed)
-    earth = (mean, time, field)
     state = State(
         rotor, senses, elapsed, predicted, pace, learned, past, 0.0, False, seen, earth,
     )  # fmt: skip
@@ -535,6 +539,17 @@ def replay(
         (a, b, c, d, e, f, g, h, i), 0.0, False, state.seen, state.earth,
     )  # fmt: skip
     return state, mag
+
+
+def at_once(rotor: Rotor, earth: Earth, past: Past) -> tuple[Rotor, Earth, Past]:
+    """Turn the rotor so that the mean of forces is up."""
+    mean, time, field = earth
+    a, (x, y, z), b, c, d, e, f, g, h = past
+    change = uprighted(mean, 1.0)
+    _, i, j, k = change
+    past = (a, (x + 2.0 * i, y + 2.0 * j, z + 2.0 * k), b, c, d, e, f, g, h)
+    earth = (slightly(change, mean), time, slightly(change, field))
+    return product(change, rotor), earth, past
 
 
 def forgotten(state: State) -> State:
@@ -709,7 +724,7 @@ def runner() -> Callable[..., Any]:
     slow = packed(slow, memory, Room(), Learned(), window, gains(DEFAULTS).chosen)
     rare = packed(cleared, IDENTITY, IDENTITY, ZERO, ZERO, UNSEEN, ZERO, ZERO, ZERO, 1.0, 1.0, 1.0)
     sample = ZERO, ZERO, ZERO, 1.0
-    stepping = bind(step, cleared=rare)
+    stepping = bind(step, cleared=rare, at_once=packed(at_once, IDENTITY, NO_EARTH, NO_PAST))
     taking = packed(bind(take, step=stepping), State(), gains(DEFAULTS), *sample)
     often = bind(
         run,
