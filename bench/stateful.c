@@ -227,24 +227,34 @@ static inline Rotor uprighted(Vector up, double part)
     return (Rotor){1.0 - part + s * up.z, s * up.y, -s * up.x, 0.0};
 }
 
+/* Cosine and sine of half the turn by `part` to a north that may be opposite. */
+static void far_north(double north, double west, double part, double *cosine, double *sine)
+{
+    double c = 0.5 * (1.0 + north), s = -0.5 * west, size = c * c + s * s;
+    if (size < 1e-12) {
+        c = 0.0, s = 1.0;
+    } else {
+        double scale = 1.0 / sqrt(size);
+        c *= scale, s *= scale;
+    }
+    c = 1.0 - part * (1.0 - c), s *= part;
+    double scale = 1.0 / sqrt(c * c + s * s);
+    *cosine = scale * c, *sine = scale * s;
+}
+
 /* `change`, and after it `part` of the turn from a measured north, level and of length one. */
 static inline Rotor turned_north(Rotor change, double north, double west, double part)
 {
-    double cosine = 0.5 * (1.0 + north), sine = -0.5 * west; /* of the whole turn, but for length */
+    double cosine, sine;
     if (north < NEARLY_NORTH) {
-        double whole = cosine * cosine + sine * sine;
-        if (whole < 1e-12) {
-            cosine = 0.0, sine = 1.0; /* it is opposite */
-        } else {
-            double s = 1.0 / sqrt(whole);
+        far_north(north, west, part, &cosine, &sine);
+    } else {
+        cosine = 1.0 - 0.5 * part * (1.0 - north), sine = -0.5 * part * west;
+        double size = cosine * cosine + sine * sine;
+        if (size < FAR) {
+            double s = 1.0 / sqrt(size);
             cosine *= s, sine *= s;
         }
-    }
-    cosine = 1.0 - part * (1.0 - cosine), sine *= part;
-    double size = cosine * cosine + sine * sine;
-    if (size < FAR) {
-        double s = 1.0 / sqrt(size);
-        cosine *= s, sine *= s;
     }
     return (Rotor){cosine * change.w, cosine * change.x - sine * change.y,
                    cosine * change.y + sine * change.x, sine * change.w};

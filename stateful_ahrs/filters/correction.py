@@ -26,7 +26,7 @@ from .spikes import STAYS, ZERO, is_glitch
 
 NEARLY_UPRIGHT = 0.01  # square of the tangent of the angle to the vertical
 FAR = 0.999  # square of a rotor's length: below it, one between two others is made a unit again
-NEARLY_NORTH = 0.9  # cosine of a heading's error: half a rotor's length is then as good
+NEARLY_NORTH = 0.9  # cosine of an error of heading: within it the whole turn needs no length 1
 FAR_OFF = math.cos(math.radians(30.0))  # of a heading that is then told anew
 MUCH = 0.9  # a smaller weight of the gyroscope path takes much of the snapshot
 UPSIDE_DOWN = 1e-3  # less than this of up above the opposite of the vertical tells no axis
@@ -187,18 +187,27 @@ def turned_north(change: Rotor, north: float, west: float, part: float) -> Rotor
     The measured one is level and of length one. The turn is about the vertical, between the rotors
     of no turn and of the whole one; ``change`` is one about a level axis.
     """
-    cosine, sine = 0.5 * (1.0 + north), -0.5 * west  # of the whole turn, but for the length
     if north < NEARLY_NORTH:
+        cosine, sine = far_north(north, west, part)
+    else:
+        cosine, sine = 1.0 - 0.5 * part * (1.0 - north), -0.5 * part * west
         square = cosine * cosine + sine * sine
-        if square < 1e-12:
-            cosine, sine = 0.0, 1.0  # it is opposite
-        else:
+        if square < FAR:
             s = 1.0 / math.sqrt(square)
             cosine, sine = s * cosine, s * sine
-    cosine, sine = 1.0 - part * (1.0 - cosine), part * sine
-    square = cosine * cosine + sine * sine
-    if square < FAR:
-        s = 1.0 / math.sqrt(square)
-        cosine, sine = s * cosine, s * sine
     w, x, y, _ = change
     return (cosine * w, cosine * x - sine * y, cosine * y + sine * x, sine * w)
+
+
+def far_north(north: float, west: float, part: float) -> tuple[float, float]:
+    """Cosine and sine of half the turn by ``part`` to a north that may be opposite."""
+    cosine, sine = 0.5 * (1.0 + north), -0.5 * west
+    square = cosine * cosine + sine * sine
+    if square < 1e-12:
+        cosine, sine = 0.0, 1.0
+    else:
+        s = 1.0 / math.sqrt(square)
+        cosine, sine = s * cosine, s * sine
+    cosine, sine = 1.0 - part * (1.0 - cosine), part * sine
+    s = 1.0 / math.sqrt(cosine * cosine + sine * sine)
+    return s * cosine, s * sine

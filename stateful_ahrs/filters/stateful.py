@@ -101,7 +101,18 @@ from .learning import (
     start_anew,
 )
 from .samples import Array, Samples
-from .senses import FIRST_HEADING, Senses, amended, came, heard, held, look, usable
+from .senses import (
+    FASTEST,
+    FIRST_HEADING,
+    Senses,
+    Sources,
+    amended,
+    came,
+    heard,
+    held,
+    look,
+    usable,
+)
 from .settings import DEFAULTS, Known
 from .settings import Settings as Settings
 from .spikes import (
@@ -671,6 +682,19 @@ def look_back(state: State, room: Room, memory: Floats, gains: Gains) -> tuple[S
     return state, room
 
 
+def is_usual(state: State, gyro: Vector, accel: Vector, dt: float) -> bool:
+    """Whether the next sample, of these rates and forces, asks for no more than `USUAL` does."""
+    return (
+        0.0 < dt <= GAP
+        and state.senses.started
+        and state.elapsed > 0.0
+        and state.past[7] >= 0.0
+        and abs(gyro[0]) + abs(gyro[1]) + abs(gyro[2]) < FASTEST
+        and not is_far(gyro, state.senses.rate, JUMP_OF_RATE)
+        and not is_far(accel, state.seen[2], jump_of_force(state.elapsed))
+    )
+
+
 def put(rotors: Array, i: int, rotor: Rotor, normalised: bool) -> None:
     """Write one row of ``rotors`` (n, 4): a unit rotor."""
     if not normalised:
@@ -695,21 +719,23 @@ def run(
     while i < len(dts):
         if state.due:
             state, room = look_back(state, room, memory, gains)
-        if not dts[i] <= GAP or state.past[7] < 0.0:  # apart: the loop below is faster without
-            if dts[i] == dts[i]:
-                a = (accel[i, 0], accel[i, 1], accel[i, 2])
-                m = (mag[i, 0], mag[i, 1], mag[i, 2])
-                g = (gyro[i, 0], gyro[i, 1], gyro[i, 2])
-                state, a, m = take(state, gains, g, a, m, dts[i])
-                note(memory, state, a, m)
-            put(rotors, i, state.rotor, normalised)
-            i += 1
-            continue
-        while i < len(dts) and dts[i] <= GAP and not state.due:
+        while i < len(dts) and not state.due:  # this loop takes nearly all of the time
+            g = (gyro[i, 0], gyro[i, 1], gyro[i, 2])
             a = (accel[i, 0], accel[i, 1], accel[i, 2])
             m = (mag[i, 0], mag[i, 1], mag[i, 2])
-            state = step(state, gains, (gyro[i, 0], gyro[i, 1], gyro[i, 2]), a, m, dts[i])
+            if not is_usual(state, g, a, dts[i]):
+                break
+            state = step(state, gains, g, a, m, dts[i])
             note(memory, state, a, m)
+            put(rotors, i, state.rotor, normalised)
+            i += 1
+        if i < len(dts) and not state.due:
+            if dts[i] == dts[i]:
+                g = (gyro[i, 0], gyro[i, 1], gyro[i, 2])
+                a = (accel[i, 0], accel[i, 1], accel[i, 2])
+                m = (mag[i, 0], mag[i, 1], mag[i, 2])
+                state, a, m = take(state, gains, g, a, m, dts[i])
+                note(memory, state, a, m)
             put(rotors, i, state.rotor, normalised)
             i += 1
     return state, room
@@ -717,19 +743,21 @@ def run(
 
 @cache
 def runner() -> Callable[..., Any]:
-    """`run`, compiled into one function but for what is long and seldom called."""
+    """`run`, compiled into one function but for what is long and seldom called.
+
+    So `take` does with any sample what is to be done, and `USUAL` in the same function with most.
+    """
     window, memory = Window(0, ZERO, ZERO, 0.0, 0.0, False, 0.0), np.zeros(SIZE)
     once = packed(measure, memory, 1.0, 1.0)  # in one place: else the code would fill the cache
     slow = bind(learn, measure=once, hear=bind(hear, measure=once))
     slow = packed(slow, memory, Room(), Learned(), window, gains(DEFAULTS).chosen)
-    rare = packed(cleared, IDENTITY, IDENTITY, ZERO, ZERO, UNSEEN, ZERO, ZERO, ZERO, 1.0, 1.0, 1.0)
-    sample = ZERO, ZERO, ZERO, 1.0
-    stepping = bind(step, cleared=rare, at_once=packed(at_once, IDENTITY, NO_EARTH, NO_PAST))
-    taking = packed(bind(take, step=stepping), State(), gains(DEFAULTS), *sample)
+    sample = State(), gains(DEFAULTS), ZERO, ZERO, ZERO, 1.0
+    whole = packed(step, *sample)
+    any_sample = bind(take, step=whole, replay=bind(replay, step=whole))
     often = bind(
         run,
-        step=stepping,
-        take=taking,
+        step=USUAL,
+        take=packed(any_sample, *sample),
         look_back=bind(
             look_back, learn=slow, attitude_lost=packed(attitude_lost, memory, Room(), Learned())
         ),
@@ -738,7 +766,7 @@ def runner() -> Callable[..., Any]:
 
 
 def uncorrected(senses: Senses, earth: Earth, *_: object) -> tuple[Senses, Earth, bool, Rotor]:
-    """Stands for `corrected` where it is never called: with it compiled in, all else is slower."""
+    """Stands for `corrected` where it is not called: with it compiled in, all else is slower."""
     return senses, earth, False, IDENTITY
 
 
@@ -764,6 +792,20 @@ def uncleared(
     return turn, 0, 0.0, mean, 0.0
 
 
+def unlooked(
+    senses: Senses, sources: Sources, *_: object
+) -> tuple[Senses, bool, bool, bool, Rotor]:
+    """Likewise for `look`."""
+    return senses, False, False, False, IDENTITY
+
+
+def uncontradicted(*_: object) -> bool:
+    """Likewise for `contradicts`."""
+    return False
+
+
+# As `step` for a sample that `is_usual`.
+USUAL = bind(step, guessed=unguessed, cleared=uncleared, look=unlooked, contradicts=uncontradicted)
 # As `step` if the gains have no ``turns``, and so no ``despike`` and no ``learns``.
 PLAIN = bind(step, corrected=uncorrected, guessed=unguessed, cleared=uncleared)
 STATEFUL = Kernel(step, State(), gains)
