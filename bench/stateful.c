@@ -144,7 +144,8 @@ static int contradicts(Rotor rotor, const Seen *seen, Vector accel)
 static double put_right(Vector *mean, double time, Rotor rotor, Rotor turn, const Seen *seen,
                         Vector accel, double jump)
 {
-    if (!(usable(seen->force) && seen->span > 0.0)) return 0.0;
+    if (!(usable(seen->force) && usable(seen->force_before) && usable(accel) && seen->span > 0.0))
+        return 0.0;
     Vector after = rotate(turn, accel);
     Vector knock = to_neighbours(seen->force, seen->force_before, after, jump);
     if (square(knock) == 0.0) return 0.0;

@@ -212,7 +212,7 @@ def put_right(
     it counted, 0 if it stays.
     """
     _, span, force, before, _ = seen
-    if not (usable(force) and span > 0.0):
+    if not (usable(force) and usable(before) and usable(accel) and span > 0.0):
         return mean, 0.0
     knock = to_neighbours(force, before, rotate(turn, accel), jump)
     if knock == ZERO:
