@@ -144,11 +144,13 @@ static int contradicts(Rotor rotor, const Seen *seen, Vector accel)
 static double put_right(Vector *mean, double time, Rotor rotor, Rotor turn, const Seen *seen,
                         Vector accel, double jump)
 {
-    if (!(usable(seen->force) && usable(seen->force_before) && usable(accel) && seen->span > 0.0))
-        return 0.0;
+    if (!(usable(seen->force) && usable(accel) && seen->span > 0.0)) return 0.0;
     Vector after = rotate(turn, accel);
     Vector knock = to_neighbours(seen->force, seen->force_before, after, jump);
-    if (square(knock) == 0.0) return 0.0;
+    if (square(seen->force_before) == 0.0 && square(knock) > 0.0)
+        knock = minus(after, seen->force); /* the first after a start */
+    else if (square(knock) == 0.0 || !usable(seen->force_before))
+        return 0.0;
     *mean = total(*mean, times(seen->span / time, rotate(rotor, knock)));
     return seen->span;
 }
@@ -158,6 +160,13 @@ static inline int is_glitch(Vector mag, Vector last, double age, double dt)
 {
     if (square(last) == 0.0 || age - dt >= SELDOM || dt >= STAYS) return 0;
     return square(minus(mag, last)) > smaller(square(mag), square(last));
+}
+
+/* Whether a field is twice or half as strong as a last good one, `age` s before it. */
+static inline int is_other(Vector mag, Vector last, double age)
+{
+    double strength = square(mag), usual = square(last);
+    return age < SELDOM && larger(strength, usual) > FOURFOLD * smaller(strength, usual);
 }
 
 /* gaps.py */
@@ -286,7 +295,10 @@ static inline Rotor corrected(Senses *senses, Earth *earth, const Learned *learn
             field = slightly(change, field);
         double level = field.x * field.x + field.y * field.y;
         fresh = level > LEVEL * LEVEL * (level + field.z * field.z) /* else it is along gravity */
-             && !is_glitch(found, earth->field, senses->mag_age, dt);
+             && !(square(earth->field) == 0.0
+                      ? senses->heading_known > 0
+                            && is_other(mag, senses->mag, senses->mag_age - dt)
+                      : is_glitch(found, earth->field, senses->mag_age, dt));
         if (fresh) {
             double length = sqrt(level), north = field.x / length, west = field.y / length;
             *anew = senses->heading_known <= 0;
@@ -332,10 +344,7 @@ static Vector confirm(Senses *senses, Earth *earth, Vector mag, Rotor rotor, dou
     if (level <= LEVEL * LEVEL * square(found)) return mag;
     int off = is_glitch(found, earth->field, senses->mag_age + dt, dt)
            || found.x < AGREEING * sqrt(level), lost = square(earth->field) == 0.0;
-    double strength = square(mag), usual = square(senses->mag);
-    int other = senses->mag_age < SELDOM
-             && larger(strength, usual) > FOURFOLD * smaller(strength, usual);
-    if (lost && other) {
+    if (lost && is_other(mag, senses->mag, senses->mag_age)) {
         senses->mag_rejected++;
         return NONE;
     }
@@ -432,7 +441,7 @@ static inline void passed(State *s, Rotor change, double dt, double lost, double
     s->row = 0.0, s->due = begins;
     if (begins || starts) {
         *past = (Past){.applied = begins ? past->applied : ZERO, .mag_row_time = 1.0,
-                       .step = begins ? dt : 0.0, .resumed = begins ? past->resumed : -OFTEN};
+                       .step = begins ? dt : 0.0, .resumed = starts ? -OFTEN : past->resumed};
         return;
     }
     int fresh = s->senses.mag_age == 0.0;
@@ -470,7 +479,7 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
         Vector before = true_rate(learned, last);
         int may_be_none = is_far(rate, last, JUMP_OF_RATE);
         lost = variance_lost(before, may_be_none ? before : turn_rate, dt);
-        turn_rate = middle(before, turn_rate), span = -dt, s->past.resumed = s->elapsed;
+        turn_rate = middle(before, turn_rate), span = -dt;
     }
     Rotor turn = from_rate(turn_rate, dt), change = IDENTITY, rotor;
     double undone = 0.0;
@@ -506,6 +515,7 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
         if (lost > MUCH_LOST) s->earth.field = ZERO;
         s->elapsed = left_of(smaller(s->elapsed, AVERAGED), lost);
     }
+    if (span < 0.0) s->past.resumed = s->elapsed;
     Rotor predicted = product(s->rotor, turn);
     if (dt != s->pace.dt) s->pace = paced(gains, dt);
     Pace pace = s->pace;
@@ -547,9 +557,11 @@ static void wait(State *s, Vector rate, Vector accel, Vector mag, double dt)
         turn = product(way_back(last, seen, minus(before, last)), turn);
     }
     double jump = jump_of_force(s->elapsed);
-    if (s->earth.time > 0.0 && is_far(accel, seen->force, jump))
-        senses->accel_rejected +=
-            put_right(&s->earth.up, s->earth.time, s->rotor, turn, seen, accel, jump) > 0.0;
+    if (s->earth.time > 0.0 && is_far(accel, seen->force, jump)
+        && put_right(&s->earth.up, s->earth.time, s->rotor, turn, seen, accel, jump) > 0.0) {
+        senses->accel_rejected++;
+        if (s->elapsed < START_LOW_PASSED) at_once(s);
+    }
     senses->accel_rejected += !usable(accel), senses->mag_rejected += !heard(mag);
     senses->rate = rate, senses->mag_age += dt;
     *seen = (Seen){before, -dt, accel, carried(turn, seen->force), heard(mag) ? mag : ZERO};
@@ -562,9 +574,24 @@ static void wait(State *s, Vector rate, Vector accel, Vector mag, double dt)
     s->row = 0.0, s->due = 0;
 }
 
+/* The field of two samples: the second one's, the first one's if that is none, and none if they
+   contradict each other. */
+static Vector of_both(State *s, Vector first, Vector second, Rotor turn)
+{
+    if (!heard(first)) return second;
+    Vector iron = s->learned.hard_iron, on = total(carried(turn, minus(first, iron)), iron);
+    if (!heard(second)) {
+        s->senses.mag_rejected += came(second);
+        return on;
+    }
+    if (square(minus(second, on)) <= smaller(square(second), square(on))) return second;
+    s->senses.mag_rejected += 2;
+    return NONE;
+}
+
 /* Tell a gap anew, now that the second sample after it is there. Changes `accel` to the likely force
-   of both; returns whether nothing is left known of the attitude. */
-static int resume(State *s, Vector gyro, Vector *accel, double dt)
+   of both, `mag` to the field of both; returns whether nothing is left known of the attitude. */
+static int resume(State *s, Vector gyro, Vector *accel, Vector *mag, double dt)
 {
     Senses *senses = &s->senses;
     Earth *earth = &s->earth;
@@ -573,11 +600,12 @@ static int resume(State *s, Vector gyro, Vector *accel, double dt)
     int held = !(fabs(gyro.x) + fabs(gyro.y) + fabs(gyro.z) < FASTEST);
     Vector last = senses->rate, rate = held ? last : gyro, before = seen.rate;
     Rotor turn = from_rate(true_rate(&s->learned, rate), dt);
+    *mag = of_both(s, seen.field, *mag, turn);
     if (usable(seen.force) && usable(seen.force_before) && usable(*accel)) {
         Vector second = rotate(turn, *accel);
         Vector force = likely(seen.force_before, seen.force, second);
-        senses->accel_rejected += is_far(force, seen.force, JUMP_OF_FORCE)
-                               || is_far(force, second, JUMP_OF_FORCE);
+        double jump = jump_of_force(s->elapsed);
+        senses->accel_rejected += is_far(force, seen.force, jump) || is_far(force, second, jump);
         *accel = carried(turn, force);
     } else if (usable(seen.force) && !usable(*accel)) {
         senses->accel_rejected++;
@@ -585,8 +613,9 @@ static int resume(State *s, Vector gyro, Vector *accel, double dt)
     }
     Vector meant = likely(before, last, rate);
     double span = -seen.span;
-    Rotor back = conjugate(from_rate(over_gap(before, last, span), span));
-    s->rotor = product(s->rotor, product(back, from_rate(middle(before, meant), span)));
+    Rotor gap = from_rate(true_rate(&s->learned, over_gap(before, last, span)), span);
+    Rotor anew = from_rate(true_rate(&s->learned, middle(before, meant)), span);
+    s->rotor = product(s->rotor, product(conjugate(gap), anew));
     double lost = variance_doubted(&seen, shorter(minus(rate, meant), minus(meant, before)));
     lost += larger(variance_over_gap(before, last, span), variance_over_gap(before, rate, span))
           - (1.0 + past->held_for);
@@ -631,16 +660,10 @@ static void replay(State *s, Gains gains, Vector gyro, Vector accel, Vector *mag
     Rotor gap = from_rate(true_rate(&s->learned, over_gap(before, last, span)), span);
     if (usable(seen.force) && usable(seen.force_before) && usable(accel))
         force = likely(seen.force_before, seen.force, rotate(turn, accel));
-    if (heard(seen.field)) {
-        Vector iron = s->learned.hard_iron;
-        Vector was = total(carried(turn, minus(seen.field, iron)), iron);
-        if (square(minus(*mag, was)) > smaller(square(*mag), square(was))) {
-            senses->mag_rejected++;
-            *mag = NONE;
-        }
-    }
+    *mag = of_both(s, seen.field, *mag, turn);
     senses->gyro_rejected += is_far(meant, last, JUMP_OF_RATE);
-    senses->accel_rejected += is_far(force, seen.force, JUMP_OF_FORCE) - !usable(seen.force);
+    senses->accel_rejected += is_far(force, seen.force, jump_of_force(s->elapsed))
+                            - !usable(seen.force);
     senses->rate = before, senses->mag_age -= span;
     s->past.held_for = 0.0;
     s->rotor = product(s->rotor, conjugate(gap));
@@ -665,7 +688,7 @@ static inline void take(State *s, Gains gains, Vector gyro, Vector *accel, Vecto
         if (s->elapsed < past->resumed + OFTEN)
             replay(s, gains, gyro, *accel, mag, dt);
         else
-            lost = resume(s, gyro, accel, dt);
+            lost = resume(s, gyro, accel, mag, dt);
     }
     step(s, gains, gyro, *accel, *mag, dt);
     if (lost) {

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from strategies import rotors
 from test_stateful import errors_deg, recording
@@ -223,3 +223,14 @@ def test_a_stateless_filter_takes_no_force_back_that_it_has_not_low_passed():
         fed(f, [(gyro, (60.0, 0.0, 9.81), mag), *[at_rest()] * 3])
         ends.append(f.rotor)
     assert ends[0] == ends[1]
+
+
+@given(st.floats(-math.pi, math.pi), st.floats(0.0, 1.0))
+@example(math.pi, 0.75)
+@example(math.pi, 0.3)
+def test_a_part_of_a_turn_to_north_is_between_the_rotors_of_none_and_all(heading, part):
+    turned = turned_north(IDENTITY, math.cos(heading), math.sin(heading), part)
+    half = 0.5 * abs(heading)
+    wanted = math.atan2(part * math.sin(half), 1.0 - part * (1.0 - math.cos(half)))
+    found = math.atan2(abs(turned[3]), turned[0])
+    assert found == pytest.approx(wanted, rel=0.03, abs=1e-9)

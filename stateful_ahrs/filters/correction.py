@@ -22,11 +22,11 @@ from ..rotor import IDENTITY, Rotor, Vector, rotate, slightly
 from .gains import START_LOW_PASSED, Gains, part_of_heading
 from .learning import LEVEL, LOW_PASS, Learned
 from .senses import FIRST_HEADING, UP, WEAKEST, Senses, heard, usable
-from .spikes import STAYS, ZERO, is_glitch
+from .spikes import STAYS, ZERO, is_glitch, is_other
 
 NEARLY_UPRIGHT = 0.01  # square of the tangent of the angle to the vertical
 FAR = 0.999  # square of a rotor's length: below it, one between two others is made a unit again
-NEARLY_NORTH = 0.9  # cosine of an error of heading: within it the whole turn needs no length 1
+NEARLY_NORTH = 0.9  # cosine of an error of heading: within it that turn may go in as it is
 FAR_OFF = math.cos(math.radians(30.0))  # of a heading that is then told anew
 MUCH = 0.9  # a smaller weight of the gyroscope path takes much of the snapshot
 UPSIDE_DOWN = 1e-3  # less than this of up above the opposite of the vertical tells no axis
@@ -99,7 +99,10 @@ def corrected(
             level = x * x + y * y
             fresh = level > LEVEL * LEVEL * (level + z * z)  # else it is along gravity
             if fresh and gains.despike:
-                fresh = not is_glitch(found, field, mag_age, dt)
+                if field != ZERO:
+                    fresh = not is_glitch(found, field, mag_age, dt)
+                elif heading_known > 0:
+                    fresh = not is_other(mag, last_mag, mag_age - dt)
         if not fresh:
             mag_rejected += 1
             if mag_age - dt >= STAYS:

@@ -22,7 +22,7 @@ AT_REST = 0.1  # rad/s: likewise where the sensor rests before and after
 SURE = 0.05  # rad² s: variance of a mean of snapshots, times the time that it is of
 MUCH_LOST = 0.003  # rad²: the slow room should know at once, and the last field be forgotten
 COUNTS = 0.1  # s: what a force after a longer gap counts for
-OFTEN = 1.0  # s: gaps that come as often are no accident, and all samples are taken as they come
+OFTEN = 1.0  # s: gaps that come as often are no accident, and cost no good sample its weight
 ALL_LOST = 0.25  # rad²: half a radian, and nothing is known any more
 
 

@@ -609,8 +609,8 @@ def told(
 
 def less_sure(learned: Learned, variance: float) -> Learned:
     """The same, with that variance (rad²) more of tilt and heading, until the slow room says."""
-    heading = math.sqrt(learned.heading_stddev**2 + variance)
-    tilt = math.sqrt(learned.tilt_stddev**2 + variance)
+    heading = math.sqrt(max(0.0, learned.heading_stddev**2 + variance))
+    tilt = math.sqrt(max(0.0, learned.tilt_stddev**2 + variance))
     return Learned(
         learned.bias, learned.row_x, learned.row_y, learned.row_z, learned.delay,
         learned.hard_iron, learned.trust, learned.heading_rate, learned.drift, heading, tilt,

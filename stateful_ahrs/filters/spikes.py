@@ -166,9 +166,7 @@ def confirmed(
     if level <= LEVEL * LEVEL * square(found):
         return senses, field, mag
     off = is_glitch(found, field, mag_age + dt, dt) or x < AGREEING * math.sqrt(level)
-    strength, usual = square(mag), square(last_mag)
-    other = mag_age < SELDOM and max(strength, usual) > FOURFOLD * min(strength, usual)
-    if judged and field == ZERO and other:
+    if judged and field == ZERO and is_other(mag, last_mag, mag_age):
         mag_rejected += 1
         mag = (math.nan, math.nan, math.nan)
     elif judged and off and field == ZERO:
@@ -212,10 +210,13 @@ def put_right(
     it counted, 0 if it stays.
     """
     _, span, force, before, _ = seen
-    if not (usable(force) and usable(before) and usable(accel) and span > 0.0):
+    if not (usable(force) and usable(accel) and span > 0.0):
         return mean, 0.0
-    knock = to_neighbours(force, before, rotate(turn, accel), jump)
-    if knock == ZERO:
+    after = rotate(turn, accel)
+    knock = to_neighbours(force, before, after, jump)
+    if before == ZERO and knock != ZERO:  # the first after a start, four times as long as the next
+        knock = minus(after, force)
+    elif knock == ZERO or not usable(before):
         return mean, 0.0
     share = span / time
     x, y, z = rotate(rotor, knock)
@@ -239,6 +240,12 @@ def is_glitch(mag: Vector, last: Vector, age: float, dt: float) -> bool:
     if last == ZERO or age - dt >= SELDOM or dt >= STAYS:
         return False
     return square(minus(mag, last)) > min(square(mag), square(last))
+
+
+def is_other(mag: Vector, last: Vector, age: float) -> bool:
+    """Whether a field is twice or half as strong as a last good one, ``age`` s before it."""
+    strength, usual = square(mag), square(last)
+    return age < SELDOM and max(strength, usual) > FOURFOLD * min(strength, usual)
 
 
 def likely(before: Vector, last: Vector, after: Vector) -> Vector:

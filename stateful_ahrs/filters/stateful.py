@@ -77,7 +77,7 @@ from .gaps import (
     variance_lost,
     variance_over_gap,
 )
-from .kernel import Kernel, KernelFilter, Report
+from .kernel import NO_MAG, Kernel, KernelFilter, Report
 from .learning import (
     COLUMNS,
     LOG,
@@ -116,7 +116,6 @@ from .senses import (
 from .settings import DEFAULTS, Known
 from .settings import Settings as Settings
 from .spikes import (
-    JUMP_OF_FORCE,
     JUMP_OF_RATE,
     STAYS,
     UNSEEN,
@@ -149,7 +148,6 @@ DISTURBED = 0.05  # trust of a field three standard deviations off
 # being held (s; while a sample after a gap waits, -1 less a part of that variance), and at the end
 # of the last gap the time since the start (s). Without names, because one is made for each sample.
 Past = tuple[float, Vector, int, float, float, float, float, float, float]
-NO_VECTOR: Vector = (math.nan, math.nan, math.nan)
 NO_PAST: Past = (0.0, ZERO, 0, 0.0, 1.0, 0.0, 0.0, 0.0, -OFTEN)
 
 
@@ -256,9 +254,6 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
         turn_rate, lost, held_for, span = guessed(
             last, learned, past, rate, turn_rate, gyro_rejected, dt
         )
-        if span < 0.0:
-            a, b, c, d, e, f, g, h, _ = past
-            past = (a, b, c, d, e, f, g, h, elapsed)
     turn = from_rate(turn_rate, dt)
     undone = 0.0
     if despike:
@@ -296,6 +291,9 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
             field = ZERO  # the next may be anywhere
         earth = (mean, left_of(min(time, LOW_PASS), lost), field)
         elapsed = left_of(min(elapsed, AVERAGED), lost)
+    if span < 0.0:
+        since, applied, rows, row_time, mag_row_time, last_step, doubt, waited, _ = past
+        past = (since, applied, rows, row_time, mag_row_time, last_step, doubt, waited, elapsed)
     predicted = predict(rotor, turn)
     if dt != pace[0]:
         pace = paced(gains, dt)
@@ -360,7 +358,7 @@ def take(
     """A `step`, but after a gap, where a single bad sample would stand for all of it.
 
     There the first sample waits for the second, and of the two no single bad one has a say. Units
-    are those of `step`. Also returns force and field as they were taken.
+    are those of `step`. Also returns force and field for the log, as the step took them.
     """
     if (dt > GAP or state.past[7] < 0.0) and gains.learns and gains.despike:
         _, _, _, _, _, last_step, _, waiting, resumed = state.past
@@ -379,7 +377,7 @@ def take(
 
 
 def wait(state: State, gains: Gains, rate: Vector, accel: Vector, mag: Vector, dt: float) -> State:
-    """Turn over a gap by the rates (rad/s) at its ends, and keep force and field for `resume`."""
+    """Turn over a gap by the rates (rad/s) at its ends, and keep force and field for what comes."""
     rotor, last, elapsed, _, pace, learned, past, _, _, seen, earth = state
     earlier = seen[0]
     before = likely(earlier, last.rate, rate)
@@ -393,6 +391,8 @@ def wait(state: State, gains: Gains, rate: Vector, accel: Vector, mag: Vector, d
         mean, undone = put_right(earth[0], earth[1], rotor, turn, seen, accel, jump)
         earth = (mean, earth[1], earth[2])
         accel_rejected += int(undone > 0.0)
+        if undone > 0.0 and elapsed < START_LOW_PASSED and gains.average_start:
+            rotor, earth, past = at_once(rotor, earth, past)
     fresh = heard(mag)
     senses = Senses(
         rate,
@@ -422,8 +422,8 @@ def resume(
     """Tell a gap anew, now that the second sample after it is there, ``dt`` s after the first.
 
     Returns the state as if the first sample had been the `likely` one of its neighbours and itself,
-    and for `step` the likely force (m/s²) of both, and the field, the first one's if there is no
-    second; and whether nothing is left known of the attitude.
+    and for `step` the likely force (m/s²) of both, the field `of_both`, and whether nothing is left
+    known of the attitude.
     """
     rotor, last, elapsed, predicted, pace, learned, past, _, _, seen, earth = state
     before, span, first, force_before, first_mag = seen
@@ -431,14 +431,13 @@ def resume(
     span = -span
     rate, _ = held(last, gyro)
     turn = from_rate(true_rate(learned, rate), dt)
-    if heard(first_mag) and not came(mag):
-        iron = learned.hard_iron
-        mag = total(carried(turn, minus(first_mag, iron)), iron)
+    mag, mag_rejected = of_both(first_mag, mag, turn, learned.hard_iron)
     accel_rejected = last.accel_rejected
+    jump = jump_of_force(elapsed)
     if usable(first) and usable(force_before) and usable(accel):
         second = rotate(turn, accel)
         force = likely(force_before, first, second)
-        if is_far(force, first, JUMP_OF_FORCE) or is_far(force, second, JUMP_OF_FORCE):
+        if is_far(force, first, jump) or is_far(force, second, jump):
             accel_rejected += 1
         accel = carried(turn, force)
     elif usable(first) and not usable(accel):
@@ -446,8 +445,9 @@ def resume(
         accel = carried(turn, first)
 
     meant = likely(before, last.rate, rate)
-    back = conjugate(from_rate(over_gap(before, last.rate, span), span))
-    rotor = product(rotor, product(back, from_rate(middle(before, meant), span)))
+    gap = from_rate(true_rate(learned, over_gap(before, last.rate, span)), span)
+    anew = from_rate(true_rate(learned, middle(before, meant)), span)
+    rotor = product(rotor, product(conjugate(gap), anew))
     lost = variance_doubted(seen, shorter(minus(rate, meant), minus(meant, before)))
     one = variance_over_gap(before, last.rate, span)
     lost += max(one, variance_over_gap(before, rate, span)) - (1.0 + waiting)
@@ -486,7 +486,7 @@ def resume(
         last.sign_corrections,
         last.gyro_rejected + int(is_far(meant, last.rate, JUMP_OF_RATE)),
         accel_rejected,
-        last.mag_rejected,
+        last.mag_rejected + mag_rejected,
     )
     seen = (before, 0.0, first, force_before, field)
     past = (since, applied, rows, row_time, mag_row_time, span, doubt + lost, 0.0, elapsed)
@@ -501,29 +501,23 @@ def replay(
 ) -> tuple[State, Vector]:
     """Take the sample that waited where gaps are usual, now that the next is there, ``dt`` s after.
 
-    It is taken as any other, but its rate and force are the `likely` ones. Also returns the field
-    for `step`: the first one's if there is no second, none if the two contradict each other.
+    It is taken as any other, but its rate and force are the `likely` ones, and its field waits for
+    the next sample's. Also returns the field `of_both`, for `step`.
     """
     rotor, last, elapsed, _, pace, learned, past, _, _, seen, earth = state
     before, span, first, force_before, first_mag = seen
+    time, applied, rows, row_time, mag_row_time, last_step, doubt, waiting, resumed = past
     span = -span
     rate, _ = held(last, gyro)
     turn = from_rate(true_rate(learned, rate), dt)
-    meant = likely(before, last.rate, rate)
-    gap = from_rate(true_rate(learned, over_gap(before, last.rate, span)), span)
-    second = rotate(turn, accel)
+    mag, mag_rejected = of_both(first_mag, mag, turn, learned.hard_iron)
     force = first
     if usable(first) and usable(force_before) and usable(accel):
-        force = likely(force_before, first, second)
-    mag_rejected = last.mag_rejected
-    if heard(first_mag):
-        iron = learned.hard_iron
-        was = total(carried(turn, minus(first_mag, iron)), iron)
-        if not came(mag):
-            mag = was
-        elif square(minus(mag, was)) > min(square(mag), square(was)):
-            mag_rejected += 1
-            mag = NO_VECTOR
+        force = likely(force_before, first, rotate(turn, accel))
+    off = is_far(force, first, jump_of_force(elapsed))
+
+    # As it was before the gap.
+    meant = likely(before, last.rate, rate)
     senses = Senses(
         before,
         last.mag,
@@ -533,32 +527,51 @@ def replay(
         last.turned,
         last.sign_corrections,
         last.gyro_rejected + int(is_far(meant, last.rate, JUMP_OF_RATE)),
-        last.accel_rejected - int(not usable(first)) + int(is_far(force, first, JUMP_OF_FORCE)),
-        mag_rejected,
+        last.accel_rejected + int(off) - int(not usable(first)),
+        last.mag_rejected + mag_rejected,
     )
-    a, b, c, d, e, f, g, _, h = past
-    past = (a, b, c, d, e, f, g, 0.0, h)
+    gap = from_rate(true_rate(learned, over_gap(before, last.rate, span)), span)
+    learned = less_sure(learned, 1.0 + waiting - variance_over_gap(before, last.rate, span))
+    past = (time, applied, rows, row_time, mag_row_time, last_step, doubt, 0.0, resumed)
     rotor = product(rotor, conjugate(gap))
     seen = (before, 0.0, force_before, force_before, earth[2])
     state = State(rotor, senses, elapsed, rotor, pace, learned, past, 0.0, False, seen, earth)
-    state = step(state, gains, meant, force, NO_VECTOR, span)
-    a, b, c, d, e, f, g, h, i = state.past
-    if state.row > 0.0:  # the next is a row instead
-        c, d = c - 1, state.row
-    state = State(
-        state.rotor, state.senses, state.elapsed, state.predicted, state.pace, state.learned,
-        (a, b, c, d, e, f, g, h, i), 0.0, False, state.seen, state.earth,
-    )  # fmt: skip
-    return state, mag
+
+    rotor, senses, elapsed, predicted, pace, learned, past, row, _, seen, earth = step(
+        state, gains, meant, force, NO_MAG, span
+    )
+    if row > 0.0:  # the next is one, and for the time of both
+        time, applied, rows, _, mag_row_time, last_step, doubt, waiting, resumed = past
+        past = (time, applied, rows - 1, row, mag_row_time, last_step, doubt, waiting, resumed)
+    return State(
+        rotor, senses, elapsed, predicted, pace, learned, past, 0.0, False, seen, earth,
+    ), mag  # fmt: skip
+
+
+def of_both(first: Vector, second: Vector, turn: Rotor, iron: Vector) -> tuple[Vector, int]:
+    """The field of two samples, in the frame of the second, ``turn`` after the first.
+
+    It is the second one's, the first one's if that is none, and none if they contradict each other.
+    Also returns how many are rejected. Only a field less hard ``iron`` turns with the sensor.
+    """
+    if not heard(first):
+        return second, 0
+    carried_on = total(carried(turn, minus(first, iron)), iron)
+    if not heard(second):
+        return carried_on, int(came(second))
+    if square(minus(second, carried_on)) > min(square(second), square(carried_on)):
+        return NO_MAG, 2
+    return second, 0
 
 
 def at_once(rotor: Rotor, earth: Earth, past: Past) -> tuple[Rotor, Earth, Past]:
     """Turn the rotor so that the mean of forces is up."""
     mean, time, field = earth
-    a, (x, y, z), b, c, d, e, f, g, h = past
+    since, (x, y, z), rows, row_time, mag_row_time, last_step, doubt, waiting, resumed = past
     change = uprighted(mean, 1.0)
     _, i, j, k = change
-    past = (a, (x + 2.0 * i, y + 2.0 * j, z + 2.0 * k), b, c, d, e, f, g, h)
+    applied = (x + 2.0 * i, y + 2.0 * j, z + 2.0 * k)
+    past = (since, applied, rows, row_time, mag_row_time, last_step, doubt, waiting, resumed)
     earth = (slightly(change, mean), time, slightly(change, field))
     return product(change, rotor), earth, past
 
@@ -590,6 +603,7 @@ def passed(
     """
     time, applied, rows, row_time, mag_row_time, _, doubt, _, resumed = past
     if begins:
+        resumed = -OFTEN if starts else resumed
         return (0.0, applied, 0, 0.0, 1.0, dt, 0.0, 0.0, resumed), 0.0, True
     if starts:
         return NO_PAST, 0.0, False
@@ -683,7 +697,10 @@ def look_back(state: State, room: Room, memory: Floats, gains: Gains) -> tuple[S
 
 
 def is_usual(state: State, gyro: Vector, accel: Vector, dt: float) -> bool:
-    """Whether the next sample, of these rates and forces, asks for no more than `USUAL` does."""
+    """Whether the next sample, of these rates and forces, asks for no more than `USUAL` does.
+
+    That is what `step` does but for starts, gaps and glitches, where the gains have ``turns``.
+    """
     return (
         0.0 < dt <= GAP
         and state.senses.started
@@ -719,7 +736,7 @@ def run(
     while i < len(dts):
         if state.due:
             state, room = look_back(state, room, memory, gains)
-        while i < len(dts) and not state.due:  # this loop takes nearly all of the time
+        while i < len(dts) and not state.due:  # above 33 Hz this takes nearly all of the time
             g = (gyro[i, 0], gyro[i, 1], gyro[i, 2])
             a = (accel[i, 0], accel[i, 1], accel[i, 2])
             m = (mag[i, 0], mag[i, 1], mag[i, 2])
@@ -804,7 +821,7 @@ def uncontradicted(*_: object) -> bool:
     return False
 
 
-# As `step` for a sample that `is_usual`.
+# As `step` for a sample that `is_usual`, if the gains have ``turns``.
 USUAL = bind(step, guessed=unguessed, cleared=uncleared, look=unlooked, contradicts=uncontradicted)
 # As `step` if the gains have no ``turns``, and so no ``despike`` and no ``learns``.
 PLAIN = bind(step, corrected=uncorrected, guessed=unguessed, cleared=uncleared)
