@@ -39,7 +39,8 @@ static const double SURPRISE_TIME = 5.0, SURPRISE_SPREAD = 2.0 * DEGREE;
 static const double SWAP_DEVIATION = 5.0 * DEGREE;
 /* Hard iron left over. */
 static const double IRON_AT_START = 0.1, IRON_NOISE = 0.04, IRON_SEEN = 0.05, IRON_RANGE = 10.0;
-static const double UNIT_OFF = 0.5, ANOTHER = 0.03, LEAP = 0.05, LEAP_PER_TURN = 0.7, LEAP_OF_ONE = 0.3;
+static const double UNIT_OFF = 0.5, ANOTHER = 0.03;
+static const double LEAP = 0.05, LEAP_PER_TURN = 0.7, LEAP_OF_ONE = 0.3;
 static const double FREED = 1e6;
 static const double IRON_FORGET = 200.0, IRON_FORGET_DISTURBED = 10.0;
 

@@ -43,8 +43,19 @@ static const double FOURFOLD = 4.0; /* of the square of a field */
 static const double CHANGE = 20.0; /* rad/s^2 */
 
 /* The rate before the last, the time that the last turned for (negative where the mean of both did),
-   the last force, the one before, the field before the last (earth frame). */
-typedef struct { Vector rate; double span; Vector force, force_before, field; } Seen;
+   the last force, the one before, the field before the last (earth frame), and when one was last
+   taken back. */
+typedef struct {
+    Vector rate;
+    double span;
+    Vector force, force_before, field;
+    double taken_back_at;
+} Seen;
+
+static inline int is_rare(const Seen *seen, double elapsed)
+{
+    return fabs(elapsed - seen->taken_back_at) >= SELDOM;
+}
 
 /* How far a force may be a glitch, so long after a start. */
 static inline double jump_of_force(double elapsed)
@@ -197,9 +208,10 @@ static double variance_over_gap(Vector before, Vector after, double span)
 static double left_of(double time, double lost) { return time / (1.0 + time * lost / SURE); }
 
 /* correction.py */
-static const double NEARLY_UPRIGHT = 0.01, FAR = 0.999, NEARLY_NORTH = 0.9, MUCH = 0.9, UPSIDE_DOWN = 1e-3;
+static const double NEARLY_UPRIGHT = 0.01, FAR = 0.999, NEARLY_NORTH = 0.9, MUCH = 0.9;
+static const double UPSIDE_DOWN = 1e-3;
 static const double FAR_OFF = 0.86602540378443865; /* cos 30 degrees */
-static const int FIRST_HEADING = 3;
+static const int FIRST_HEADING = 3, ASKED = 4;
 
 typedef struct {
     Vector rate, mag; /* the last good ones */
@@ -295,10 +307,7 @@ static inline Rotor corrected(Senses *senses, Earth *earth, const Learned *learn
             field = slightly(change, field);
         double level = field.x * field.x + field.y * field.y;
         fresh = level > LEVEL * LEVEL * (level + field.z * field.z) /* else it is along gravity */
-             && !(square(earth->field) == 0.0
-                      ? senses->heading_known > 0
-                            && is_other(mag, senses->mag, senses->mag_age - dt)
-                      : is_glitch(found, earth->field, senses->mag_age, dt));
+             && !is_glitch(found, earth->field, senses->mag_age, dt);
         if (fresh) {
             double length = sqrt(level), north = field.x / length, west = field.y / length;
             *anew = senses->heading_known <= 0;
@@ -344,10 +353,13 @@ static Vector confirm(Senses *senses, Earth *earth, Vector mag, Rotor rotor, dou
     if (level <= LEVEL * LEVEL * square(found)) return mag;
     int off = is_glitch(found, earth->field, senses->mag_age + dt, dt)
            || found.x < AGREEING * sqrt(level), lost = square(earth->field) == 0.0;
-    if (lost && is_other(mag, senses->mag, senses->mag_age)) {
+    int known = senses->heading_known == 1 || senses->heading_known == ASKED;
+    if (known && lost && is_other(mag, senses->mag, senses->mag_age)) {
         senses->mag_rejected++;
         return NONE;
     }
+    if (senses->heading_known <= 1)
+        return mag;
     if (off && lost)
         senses->heading_known = 0;
     else if (off)
@@ -482,34 +494,38 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
         turn_rate = middle(before, turn_rate), span = -dt;
     }
     Rotor turn = from_rate(turn_rate, dt), change = IDENTITY, rotor;
-    double undone = 0.0;
+    double undone = 0.0, taken_back_at = s->seen.taken_back_at;
     if (0.0 < dt && dt < STAYS) {
         if (s->elapsed == 0.0 && s->earth.time == 0.0 && senses->started
             && contradicts(product(s->rotor, turn), &s->seen, accel)) {
             senses->started = senses->heading_known = 0, senses->mag_age = INFINITY, span = 0.0;
             senses->accel_rejected++;
         }
-        Vector knock = ZERO;
-        if (span > 0.0 && is_far(rate, last, JUMP_OF_RATE))
-            knock = to_neighbours(last, s->seen.rate, rate, JUMP_OF_RATE);
-        if (square(knock) > 0.0) {
-            Rotor back = product(way_back(last, &s->seen, knock), turn);
-            int late = s->elapsed > STAYS, clear = late && is_abrupt(knock, dt, &s->seen);
-            int better = clear || is_better(product(s->rotor, back), product(s->rotor, turn),
-                                            accel, mag, s->seen.field);
-            if (!(better && late)) lost += variance_doubted(&s->seen, knock);
-            if (better) turn = back, senses->gyro_rejected++;
-        }
         double jump = jump_of_force(s->elapsed);
-        if (span > 0.0 && s->earth.time > 0.0 && is_far(accel, s->seen.force, jump)) {
-            undone = put_right(&s->earth.up, s->earth.time, s->rotor, turn, &s->seen, accel, jump);
-            senses->accel_rejected += undone > 0.0;
-            if (undone > 0.0 && s->elapsed < START_LOW_PASSED) at_once(s);
+        int far_rate = is_far(rate, last, JUMP_OF_RATE);
+        int far_force = s->earth.time > 0.0 && is_far(accel, s->seen.force, jump);
+        if (span > 0.0 && (far_rate || far_force) && is_rare(&s->seen, s->elapsed)) {
+            Vector knock = ZERO;
+            if (far_rate) knock = to_neighbours(last, s->seen.rate, rate, JUMP_OF_RATE);
+            if (square(knock) > 0.0) {
+                Rotor back = product(way_back(last, &s->seen, knock), turn);
+                int late = s->elapsed > STAYS, clear = late && is_abrupt(knock, dt, &s->seen);
+                int better = clear || is_better(product(s->rotor, back), product(s->rotor, turn),
+                                                accel, mag, s->seen.field);
+                if (!(better && late)) lost += variance_doubted(&s->seen, knock);
+                if (better) turn = back, senses->gyro_rejected++, taken_back_at = s->elapsed;
+            }
+            if (far_force)
+                undone = put_right(&s->earth.up, s->earth.time, s->rotor, turn, &s->seen, accel, jump);
+            if (undone > 0.0) {
+                senses->accel_rejected++, taken_back_at = s->elapsed;
+                if (s->elapsed < START_LOW_PASSED) at_once(s);
+            }
         }
     }
     /* What a start takes is in no low-pass, and nothing has turned by it. */
-    s->seen = dt > 0.0 ? (Seen){last, span, accel, s->seen.force, s->earth.field}
-                       : (Seen){last, 0.0, ZERO, ZERO, ZERO};
+    s->seen = dt > 0.0 ? (Seen){last, span, accel, s->seen.force, s->earth.field, taken_back_at}
+                       : (Seen){last, 0.0, ZERO, ZERO, ZERO, -SELDOM};
     if (lost > 0.0) {
         s->earth.time = left_of(smaller(s->earth.time, LOW_PASS), lost);
         if (lost > MUCH_LOST) s->earth.field = ZERO;
@@ -525,7 +541,7 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
     s->elapsed += dt;
     if (!starts) {
         if (s->past.time < WINDOW) nudge = times(0.5 * dt, learned->drift);
-        if (senses->heading_known > 1 && heard(mag))
+        if ((senses->heading_known > 1 || square(s->earth.field) == 0.0) && heard(mag))
             mag = confirm(senses, &s->earth, mag, predicted, dt);
         change = corrected(senses, &s->earth, learned, accel, mag, predicted, nudge, pace,
                            s->elapsed, &begins);
@@ -557,14 +573,15 @@ static void wait(State *s, Vector rate, Vector accel, Vector mag, double dt)
         turn = product(way_back(last, seen, minus(before, last)), turn);
     }
     double jump = jump_of_force(s->elapsed);
-    if (s->earth.time > 0.0 && is_far(accel, seen->force, jump)
+    if (s->earth.time > 0.0 && is_far(accel, seen->force, jump) && is_rare(seen, s->elapsed)
         && put_right(&s->earth.up, s->earth.time, s->rotor, turn, seen, accel, jump) > 0.0) {
-        senses->accel_rejected++;
+        senses->accel_rejected++, seen->taken_back_at = s->elapsed;
         if (s->elapsed < START_LOW_PASSED) at_once(s);
     }
     senses->accel_rejected += !usable(accel), senses->mag_rejected += !heard(mag);
     senses->rate = rate, senses->mag_age += dt;
-    *seen = (Seen){before, -dt, accel, carried(turn, seen->force), heard(mag) ? mag : ZERO};
+    *seen = (Seen){before, -dt, accel, carried(turn, seen->force), heard(mag) ? mag : ZERO,
+                   seen->taken_back_at};
     double variance = variance_over_gap(before, rate, dt);
     double more = larger(0.0, variance_over_gap(earlier, rate, dt) - variance);
     s->past.held_for = -1.0 - more;
@@ -628,7 +645,7 @@ static int resume(State *s, Vector gyro, Vector *accel, Vector *mag, double dt)
         earth->field = ZERO;
         if (senses->mag_age <= span + MAG_TIMEOUT && s->learned.trust > BELIEVED
             && senses->heading_known == 1)
-            senses->heading_known = FIRST_HEADING;
+            senses->heading_known = ASKED;
         past->time = past->row_time = past->mag_row_time = 0.0, past->rows = 0;
     }
     if (usable(*accel)) {
@@ -640,7 +657,8 @@ static int resume(State *s, Vector gyro, Vector *accel, Vector *mag, double dt)
     if (lost > ALL_LOST) at_once(s); /* as north will be told by it */
     senses->gyro_rejected += is_far(meant, last, JUMP_OF_RATE);
     senses->rate = meant;
-    s->seen = (Seen){before, 0.0, seen.force, seen.force_before, earth->field};
+    s->seen = (Seen){before, 0.0, seen.force, seen.force_before, earth->field,
+                     seen.taken_back_at};
     past->doubt += lost, past->held_for = 0.0, past->resumed = s->elapsed, past->step = span;
     s->row = 0.0, s->due = 0;
     return lost > ALL_LOST;
@@ -665,9 +683,14 @@ static void replay(State *s, Gains gains, Vector gyro, Vector accel, Vector *mag
     senses->accel_rejected += is_far(force, seen.force, jump_of_force(s->elapsed))
                             - !usable(seen.force);
     senses->rate = before, senses->mag_age -= span;
+    double less = variance_over_gap(before, last, span) - (1.0 + s->past.held_for);
+    Learned *told = &s->learned;
+    told->heading_stddev = sqrt(larger(0.0, squared(told->heading_stddev) - less));
+    told->tilt_stddev = sqrt(larger(0.0, squared(told->tilt_stddev) - less));
     s->past.held_for = 0.0;
     s->rotor = product(s->rotor, conjugate(gap));
-    s->seen = (Seen){before, 0.0, seen.force_before, seen.force_before, s->earth.field};
+    s->seen = (Seen){before, 0.0, seen.force_before, seen.force_before, s->earth.field,
+                     seen.taken_back_at};
     step(s, gains, meant, force, NONE, span);
     if (s->row > 0.0) s->past.rows--, s->past.row_time = s->row; /* the next is one instead */
     s->row = 0.0, s->due = 0;
@@ -739,6 +762,7 @@ void run(long n, double alpha, double alpha_rate, const double *gyro, const doub
                .predicted = IDENTITY,
                .pace = {.dt = -1.0},
                .past = {.mag_row_time = 1.0, .resumed = -OFTEN},
+               .seen = {.taken_back_at = -SELDOM},
                .earth = {.up = UP}};
     Memory memory;
     begin(&memory, &s.room, &s.learned);

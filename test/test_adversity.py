@@ -348,6 +348,30 @@ def test_a_bad_force_among_the_first_is_put_right(rate, each, row):
             assert harmed(samples, "accel", row, size * direction) < 12.0, (direction, size)
 
 
+@pytest.mark.parametrize("hertz", [100.0 / 3.0, 200.0 / 3.0, 37.0, 49.9])
+@pytest.mark.parametrize("strength", [8.0, 22.0])  # m/s²
+def test_a_vibration_from_the_first_sample_on_is_not_rectified(hertz, strength):
+    samples, truth = recording(4.0)
+    for direction in np.random.default_rng(4).normal(size=(4, 3)):
+        direction /= np.linalg.norm(direction)
+        wave = strength * np.sin(2.0 * math.pi * hertz * np.arange(len(samples)) / RATE + 1.5)
+        shaken = replace(samples, accel=samples.accel + wave[:, None] * direction)
+        errors = errors_deg(run(shaken), truth)[100:]
+        as_it_is = errors_deg(run(shaken, despike=False), truth)[100:]
+        # One good force in a second is taken for bad.
+        assert errors.max() < as_it_is.max() + strength, direction
+
+
+@pytest.mark.parametrize("packets", PACKETS)
+@pytest.mark.parametrize("fields", ["all", "of the first"])
+@pytest.mark.parametrize("bad", [0, 1])
+def test_a_bad_one_of_the_first_fields_in_packets_is_put_right(packets, fields, bad):
+    samples, _, _ = in_packets(6.0, PACKETS[packets], fields)
+    row = np.flatnonzero(~np.isnan(samples.mag[:, 0]))[bad]
+    for field in (*FIELDS, *(10.0 * FIELDS)):
+        assert harmed(samples, "mag", row, tuple(field)) < 8.0, field
+
+
 @pytest.mark.parametrize("each", [2, 5, 10])
 @pytest.mark.parametrize("row", [20, 40, 70, 150])
 def test_of_one_field_no_hard_iron_is_learned(each, row):

@@ -22,7 +22,7 @@ from ..rotor import IDENTITY, Rotor, Vector, rotate, slightly
 from .gains import START_LOW_PASSED, Gains, part_of_heading
 from .learning import LEVEL, LOW_PASS, Learned
 from .senses import FIRST_HEADING, UP, WEAKEST, Senses, heard, usable
-from .spikes import STAYS, ZERO, is_glitch, is_other
+from .spikes import STAYS, ZERO, is_glitch
 
 NEARLY_UPRIGHT = 0.01  # square of the tangent of the angle to the vertical
 FAR = 0.999  # square of a rotor's length: below it, one between two others is made a unit again
@@ -99,10 +99,7 @@ def corrected(
             level = x * x + y * y
             fresh = level > LEVEL * LEVEL * (level + z * z)  # else it is along gravity
             if fresh and gains.despike:
-                if field != ZERO:
-                    fresh = not is_glitch(found, field, mag_age, dt)
-                elif heading_known > 0:
-                    fresh = not is_other(mag, last_mag, mag_age - dt)
+                fresh = not is_glitch(found, field, mag_age, dt)
         if not fresh:
             mag_rejected += 1
             if mag_age - dt >= STAYS:

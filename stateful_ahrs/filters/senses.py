@@ -28,6 +28,7 @@ UP: Vector = (0.0, 0.0, 1.0)
 FASTEST = 350.0  # rad/s, all axes together: the fastest gyroscope, with one axis, does 20 000 °/s
 WEAKEST, STRONGEST = 0.05, 400.0  # m/s²: free fall has no up, and 40 g are no acceleration
 FIRST_HEADING = 3  # that is how `heading_known` begins: it may be given up twice
+ASKED = FIRST_HEADING + 1  # likewise after a gap, for a heading that was known
 
 
 class Senses(NamedTuple):

@@ -17,7 +17,7 @@ import math
 from ..rotor import Rotor, Vector, conjugate, from_rate, minus, product, rotate, total
 from .gains import START_LOW_PASSED
 from .learning import LEVEL
-from .senses import FIRST_HEADING, Senses, heard, usable
+from .senses import ASKED, FIRST_HEADING, Senses, heard, usable
 
 ZERO: Vector = (0.0, 0.0, 0.0)
 JUMP_OF_RATE = 4.0  # rad/s
@@ -30,16 +30,17 @@ BETTER = 0.25  # of a misfit: half of the angle
 ABRUPT = 400.0  # rad/s²: in no motion does a rate come and go as fast
 AGREEING = math.cos(math.radians(14.0))  # of the angle between two starts
 STAYS = 0.25  # s: after as long nothing is a glitch
+SELDOM = 1.0  # s: a field as old contradicts none; and what is taken back more often may vibrate
 FOURFOLD = 4.0  # of the square of a field: twice as strong
-SELDOM = 1.0  # s: likewise of a field, where none came between that was rejected
 
 
 # What is remembered for it, beside the last good rate: the rate before it (rad/s), the time that
 # the last one turned for (s; negative where the mean of both did, in a gap), the last force and the
 # one before (m/s²), the field before the last (earth frame; while a sample after a gap waits, its
-# own, as it was measured). Without names, because one is made for each sample.
-Seen = tuple[Vector, float, Vector, Vector, Vector]
-UNSEEN: Seen = (ZERO, 0.0, ZERO, ZERO, ZERO)
+# own, as it was measured), and when one was last taken back (s since the start). Without names,
+# because one is made for each sample.
+Seen = tuple[Vector, float, Vector, Vector, Vector, float]
+UNSEEN: Seen = (ZERO, 0.0, ZERO, ZERO, ZERO, -SELDOM)
 
 
 def is_far(u: Vector, v: Vector, jump: float) -> bool:
@@ -53,6 +54,11 @@ def is_far(u: Vector, v: Vector, jump: float) -> bool:
 def jump_of_force(elapsed: float) -> float:
     """How far (m/s²) a force may be a glitch, so long (s) after a start."""
     return JUMP_AT_START if elapsed < START_LOW_PASSED else JUMP_OF_FORCE
+
+
+def is_rare(seen: Seen, elapsed: float) -> bool:
+    """Whether nothing was taken back of late, so long (s) after a start."""
+    return abs(elapsed - seen[5]) >= SELDOM
 
 
 def cleared(
@@ -114,7 +120,7 @@ def judged(
 
 def way_back(last: Vector, seen: Seen, knock: Vector) -> Rotor:
     """What takes back the last turn, whose rate (rad/s) was ``knock`` off."""
-    before, span, _, _, _ = seen
+    before, span, _, _, _, _ = seen
     meant = total(last, knock)
     if span < 0.0:
         span, last, meant = -span, middle(before, last), middle(before, meant)
@@ -154,7 +160,8 @@ def confirmed(
     It is given up if they contradict, but not three times in a row; and so is the field. The next
     one, ``mag``, is in the sensor frame, and ``rotor`` (sensor → earth) predicted; if it is not to
     be ``judged``, it confirms, and if it is along gravity, it does not. After a gap, of which no
-    field is left, one twice or half as strong as the last is not taken: then ``mag`` is NaN.
+    field is left, one twice or half as strong as the last is not taken, if a heading was known
+    before: then ``mag`` is NaN.
     """
     (
         rate, last_mag, mag_age, started, heading_known, turned, sign_corrections, gyro_rejected,
@@ -166,9 +173,12 @@ def confirmed(
     if level <= LEVEL * LEVEL * square(found):
         return senses, field, mag
     off = is_glitch(found, field, mag_age + dt, dt) or x < AGREEING * math.sqrt(level)
-    if judged and field == ZERO and is_other(mag, last_mag, mag_age):
+    known = heading_known == 1 or heading_known == ASKED
+    if known and judged and field == ZERO and is_other(mag, last_mag, mag_age):
         mag_rejected += 1
         mag = (math.nan, math.nan, math.nan)
+    elif heading_known <= 1:
+        pass
     elif judged and off and field == ZERO:
         heading_known = 0
     elif judged and off:
@@ -209,7 +219,7 @@ def put_right(
     came after it, ``jump`` (m/s²) how far one that is none is off. Also returns for how long (s)
     it counted, 0 if it stays.
     """
-    _, span, force, before, _ = seen
+    _, span, force, before, _, _ = seen
     if not (usable(force) and usable(accel) and span > 0.0):
         return mean, 0.0
     after = rotate(turn, accel)

@@ -102,8 +102,8 @@ from .learning import (
 )
 from .samples import Array, Samples
 from .senses import (
+    ASKED,
     FASTEST,
-    FIRST_HEADING,
     Senses,
     Sources,
     amended,
@@ -117,6 +117,7 @@ from .settings import DEFAULTS, Known
 from .settings import Settings as Settings
 from .spikes import (
     JUMP_OF_RATE,
+    SELDOM,
     STAYS,
     UNSEEN,
     ZERO,
@@ -125,6 +126,7 @@ from .spikes import (
     confirmed,
     contradicts,
     is_far,
+    is_rare,
     jump_of_force,
     likely,
     middle,
@@ -255,7 +257,7 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
             last, learned, past, rate, turn_rate, gyro_rejected, dt
         )
     turn = from_rate(turn_rate, dt)
-    undone = 0.0
+    undone, gave = 0.0, 0
     if despike:
         if 0.0 < dt < STAYS:
             second = elapsed == 0.0 == earth[1] and last.started
@@ -263,9 +265,10 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
                 # No field is carried by a turn that may be none.
                 last, span = amended(last, False, 0, math.inf, last.accel_rejected + 1), 0.0
             jump = jump_of_force(elapsed)
-            if span > 0.0 and (
+            far = span > 0.0 and (
                 is_far(rate, last.rate, JUMP_OF_RATE) or is_far(accel, seen[2], jump)
-            ):
+            )
+            if far and is_rare(seen, elapsed):
                 time = earth[1] if low_pass else 0.0
                 turn, taken_back, doubt, mean, undone = cleared(
                     rotor, turn, rate, last.rate, seen, accel, mag, earth[0], time, elapsed, dt
@@ -275,15 +278,17 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
                     # The last force turned it, too.
                     rotor, earth, past = at_once(rotor, earth, past)
                 gyro_rejected += taken_back
+                gave = taken_back + int(undone > 0.0)
                 accel_rejected = last.accel_rejected + int(undone > 0.0)
                 last = amended(last, last.started, last.heading_known, last.mag_age, accel_rejected)
                 if learns:
                     lost += doubt
+        taken_back_at = elapsed if gave > 0 else seen[5]
         # What a start takes is in no low-pass, and nothing has turned by it.
         seen = (
-            (last.rate, span, accel, seen[2], earth[2])
+            (last.rate, span, accel, seen[2], earth[2], taken_back_at)
             if dt > 0.0
-            else (last.rate, 0.0, ZERO, ZERO, ZERO)
+            else (last.rate, 0.0, ZERO, ZERO, ZERO, -SELDOM)
         )
     if lost > 0.0 and alpha < 1.0 and gains.alpha_heading < 1.0:
         mean, time, field = earth
@@ -311,7 +316,7 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
             x, y, z = learned.drift  # what the slow room found out of the past
             half = 0.5 * dt
             nudge = (half * x, half * y, half * z)
-        if last.heading_known > 1 and heard(mag):
+        if (last.heading_known > 1 or earth[2] == ZERO) and heard(mag):
             told = despike and sources.use_mag
             told = told and alpha < 1.0 and gains.alpha_heading < 1.0
             last, field, mag = confirmed(last, earth[2], mag, predicted, dt, told)
@@ -383,14 +388,18 @@ def wait(state: State, gains: Gains, rate: Vector, accel: Vector, mag: Vector, d
     before = likely(earlier, last.rate, rate)
     turn = from_rate(true_rate(learned, over_gap(before, rate, dt)), dt)
     gyro_rejected, accel_rejected = last.gyro_rejected, last.accel_rejected
+    taken_back_at = seen[5]
     if is_far(before, last.rate, JUMP_OF_RATE):
         gyro_rejected += 1
         turn = product(way_back(last.rate, seen, minus(before, last.rate)), turn)
     jump = jump_of_force(elapsed)
-    if gains.low_pass and earth[1] > 0.0 and is_far(accel, seen[2], jump):
+    far = gains.low_pass and earth[1] > 0.0 and is_far(accel, seen[2], jump)
+    if far and is_rare(seen, elapsed):
         mean, undone = put_right(earth[0], earth[1], rotor, turn, seen, accel, jump)
         earth = (mean, earth[1], earth[2])
-        accel_rejected += int(undone > 0.0)
+        if undone > 0.0:
+            accel_rejected += 1
+            taken_back_at = elapsed
         if undone > 0.0 and elapsed < START_LOW_PASSED and gains.average_start:
             rotor, earth, past = at_once(rotor, earth, past)
     fresh = heard(mag)
@@ -406,7 +415,7 @@ def wait(state: State, gains: Gains, rate: Vector, accel: Vector, mag: Vector, d
         accel_rejected + int(not usable(accel)),
         last.mag_rejected + int(came(mag) and not fresh),
     )
-    seen = (before, -dt, accel, carried(turn, seen[2]), mag if fresh else ZERO)
+    seen = (before, -dt, accel, carried(turn, seen[2]), mag if fresh else ZERO, taken_back_at)
     variance = variance_over_gap(before, rate, dt)
     more = max(0.0, variance_over_gap(earlier, rate, dt) - variance)
     time, applied, rows, row_time, mag_row_time, step, doubt, _, resumed = past
@@ -426,7 +435,7 @@ def resume(
     known of the attitude.
     """
     rotor, last, elapsed, predicted, pace, learned, past, _, _, seen, earth = state
-    before, span, first, force_before, first_mag = seen
+    before, span, first, force_before, first_mag, taken_back_at = seen
     since, applied, rows, row_time, mag_row_time, _, doubt, waiting, _ = past
     span = -span
     rate, _ = held(last, gyro)
@@ -466,7 +475,7 @@ def resume(
         field = ZERO  # the next may be anywhere
         hears = last.mag_age <= span + gains.sources.mag_timeout
         if hears and learned.trust > BELIEVED and heading_known == 1:
-            heading_known = FIRST_HEADING  # the next field is to confirm it
+            heading_known = ASKED  # the next field is to confirm it
         since, rows, row_time, mag_row_time = 0.0, 0, 0.0, 0.0  # they would outvote the next
     if usable(accel):
         counts = min(span, COUNTS)
@@ -488,7 +497,7 @@ def resume(
         accel_rejected,
         last.mag_rejected + mag_rejected,
     )
-    seen = (before, 0.0, first, force_before, field)
+    seen = (before, 0.0, first, force_before, field, taken_back_at)
     past = (since, applied, rows, row_time, mag_row_time, span, doubt + lost, 0.0, elapsed)
     state = State(
         rotor, senses, elapsed, predicted, pace, learned, past, 0.0, False, seen, earth,
@@ -505,7 +514,7 @@ def replay(
     the next sample's. Also returns the field `of_both`, for `step`.
     """
     rotor, last, elapsed, _, pace, learned, past, _, _, seen, earth = state
-    before, span, first, force_before, first_mag = seen
+    before, span, first, force_before, first_mag, taken_back_at = seen
     time, applied, rows, row_time, mag_row_time, last_step, doubt, waiting, resumed = past
     span = -span
     rate, _ = held(last, gyro)
@@ -534,7 +543,7 @@ def replay(
     learned = less_sure(learned, 1.0 + waiting - variance_over_gap(before, last.rate, span))
     past = (time, applied, rows, row_time, mag_row_time, last_step, doubt, 0.0, resumed)
     rotor = product(rotor, conjugate(gap))
-    seen = (before, 0.0, force_before, force_before, earth[2])
+    seen = (before, 0.0, force_before, force_before, earth[2], taken_back_at)
     state = State(rotor, senses, elapsed, rotor, pace, learned, past, 0.0, False, seen, earth)
 
     rotor, senses, elapsed, predicted, pace, learned, past, row, _, seen, earth = step(
@@ -882,7 +891,7 @@ class StatefulFilter(KernelFilter):
         gains, was = self._gains, self._was
         self._was = gains
         if gains.despike != was.despike or gains.learns != was.learns:
-            seen = (self._state.senses.rate, 0.0, ZERO, ZERO, ZERO)
+            seen = (self._state.senses.rate, 0.0, ZERO, ZERO, ZERO, -SELDOM)
             self._put(seen=seen, past=(*self._state.past[:7], 0.0, self._state.past[8]))
         if gains.turns and not was.turns:  # of a rotor of length one, with a fresh mean of up
             self._state = self._state._replace(rotor=unit(self._state.rotor))
