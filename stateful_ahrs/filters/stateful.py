@@ -782,7 +782,7 @@ def runner() -> Callable[..., Any]:
     any_sample = bind(take, step=whole, replay=bind(replay, step=whole))
     often = bind(
         run,
-        step=USUAL,
+        step=bind(USUAL, confirmed=packed(confirmed, Senses(), ZERO, ZERO, IDENTITY, 1.0, True)),
         take=packed(any_sample, *sample),
         look_back=bind(
             look_back, learn=slow, attitude_lost=packed(attitude_lost, memory, Room(), Learned())
