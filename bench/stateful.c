@@ -211,7 +211,7 @@ static double left_of(double time, double lost) { return time / (1.0 + time * lo
 static const double NEARLY_UPRIGHT = 0.01, FAR = 0.999, NEARLY_NORTH = 0.9, MUCH = 0.9;
 static const double UPSIDE_DOWN = 1e-3;
 static const double FAR_OFF = 0.86602540378443865; /* cos 30 degrees */
-static const int FIRST_HEADING = 3, ASKED = 4;
+static const int FIRST_HEADING = 3, ASKED = 4, DOUBTED = 5;
 
 typedef struct {
     Vector rate, mag; /* the last good ones */
@@ -355,7 +355,7 @@ static Vector confirm(Senses *senses, Earth *earth, Vector mag, Rotor rotor, dou
            || found.x < AGREEING * sqrt(level), lost = square(earth->field) == 0.0;
     int known = senses->heading_known == 1 || senses->heading_known == ASKED;
     if (known && lost && is_other(mag, senses->mag, senses->mag_age)) {
-        senses->mag_rejected++;
+        senses->mag_rejected++, senses->heading_known = DOUBTED;
         return NONE;
     }
     if (senses->heading_known <= 1)
@@ -363,7 +363,10 @@ static Vector confirm(Senses *senses, Earth *earth, Vector mag, Rotor rotor, dou
     if (off && lost)
         senses->heading_known = 0;
     else if (off)
-        senses->heading_known -= FIRST_HEADING + 1, senses->mag_rejected++, earth->field = ZERO;
+        senses->heading_known = senses->heading_known > FIRST_HEADING
+                                    ? 0
+                                    : senses->heading_known - FIRST_HEADING - 1,
+        senses->mag_rejected++, earth->field = ZERO;
     else
         senses->heading_known = 1;
     return mag;

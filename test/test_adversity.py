@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,9 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from test_dcm import felt
-from test_learning import DEGREE, MICRO, WILD, errors_deg, inclination_deg, recording
+from test_learning import DEGREE, MICRO, WILD, errors_deg, inclination_deg
 from test_learning import live as sample_by_sample
+from test_learning import recording as recorded
 
 from stateful_ahrs import filters
 from stateful_ahrs.evaluation.score import prepare
@@ -27,6 +29,16 @@ from stateful_ahrs.rotor import conjugate, euler, rotate
 PHIDGETS = Path(__file__).parents[2] / "shared/data/bags/phidgets_imu_upside_down.bag"
 RATE = 100  # Hz, of every recording here
 G = 9.81
+
+
+made_once = lru_cache(4)(recorded)
+
+
+def recording(seconds, rate=100, motion=WILD, **errors):
+    """`recorded`, made once for tests that ask for the same one after another."""
+    samples, truth = made_once(seconds, rate, motion, **errors)
+    columns = (samples.stamps, samples.gyro, samples.accel, samples.mag)
+    return Samples(*(column.copy() for column in columns)), truth
 
 
 def run(samples, **chosen):

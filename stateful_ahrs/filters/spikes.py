@@ -17,7 +17,7 @@ import math
 from ..rotor import Rotor, Vector, conjugate, from_rate, minus, product, rotate, total
 from .gains import START_LOW_PASSED
 from .learning import LEVEL
-from .senses import ASKED, FIRST_HEADING, Senses, heard, usable
+from .senses import ASKED, DOUBTED, FIRST_HEADING, Senses, heard, usable
 
 ZERO: Vector = (0.0, 0.0, 0.0)
 JUMP_OF_RATE = 4.0  # rad/s
@@ -161,7 +161,7 @@ def confirmed(
     one, ``mag``, is in the sensor frame, and ``rotor`` (sensor → earth) predicted; if it is not to
     be ``judged``, it confirms, and if it is along gravity, it does not. After a gap, of which no
     field is left, one twice or half as strong as the last is not taken, if a heading was known
-    before: then ``mag`` is NaN.
+    before: then ``mag`` is NaN, and the next is believed.
     """
     (
         rate, last_mag, mag_age, started, heading_known, turned, sign_corrections, gyro_rejected,
@@ -175,6 +175,7 @@ def confirmed(
     off = is_glitch(found, field, mag_age + dt, dt) or x < AGREEING * math.sqrt(level)
     known = heading_known == 1 or heading_known == ASKED
     if known and judged and field == ZERO and is_other(mag, last_mag, mag_age):
+        heading_known = DOUBTED
         mag_rejected += 1
         mag = (math.nan, math.nan, math.nan)
     elif heading_known <= 1:
@@ -182,7 +183,7 @@ def confirmed(
     elif judged and off and field == ZERO:
         heading_known = 0
     elif judged and off:
-        heading_known -= FIRST_HEADING + 1
+        heading_known = min(0, heading_known - FIRST_HEADING - 1)
         mag_rejected += 1
         field = ZERO
     else:
