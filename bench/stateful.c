@@ -355,18 +355,16 @@ static Vector confirm(Senses *senses, Earth *earth, Vector mag, Rotor rotor, dou
            || found.x < AGREEING * sqrt(level), lost = square(earth->field) == 0.0;
     int known = senses->heading_known == 1 || senses->heading_known == ASKED;
     if (known && lost && is_other(mag, senses->mag, senses->mag_age)) {
-        senses->mag_rejected++, senses->heading_known = DOUBTED;
+        senses->mag_rejected++;
+        senses->heading_known = senses->heading_known == 1 ? DOUBTED : FIRST_HEADING;
         return NONE;
     }
-    if (senses->heading_known <= 1)
-        return mag;
+    if (senses->heading_known == DOUBTED) senses->heading_known = 1;
+    if (senses->heading_known <= 1) return mag;
     if (off && lost)
         senses->heading_known = 0;
     else if (off)
-        senses->heading_known = senses->heading_known > FIRST_HEADING
-                                    ? 0
-                                    : senses->heading_known - FIRST_HEADING - 1,
-        senses->mag_rejected++, earth->field = ZERO;
+        senses->heading_known -= FIRST_HEADING + 1, senses->mag_rejected++, earth->field = ZERO;
     else
         senses->heading_known = 1;
     return mag;

@@ -350,7 +350,7 @@ def test_a_bad_sample_in_a_packet_is_counted(row, sensor, value, counted):
 
 @pytest.mark.parametrize("rate", [50, 100, 200])
 @pytest.mark.parametrize("each", [1, 2, 5])
-@pytest.mark.parametrize("row", [2, 3, 4, 5, 6, 8, 10, 20, 50])
+@pytest.mark.parametrize("row", [2, 3, 5, 6, 10, 50])
 def test_a_bad_force_among_the_first_is_put_right(rate, each, row):
     samples, _ = recording(3.0, rate)
     samples.mag[np.arange(len(samples)) % each > 0] = math.nan

@@ -29,7 +29,7 @@ FASTEST = 350.0  # rad/s, all axes together: the fastest gyroscope, with one axi
 WEAKEST, STRONGEST = 0.05, 400.0  # m/s²: free fall has no up, and 40 g are no acceleration
 FIRST_HEADING = 3  # that is how `heading_known` begins: it may be given up twice
 ASKED = FIRST_HEADING + 1  # likewise after a gap, for a heading that was known
-DOUBTED = ASKED + 1  # likewise where a field of another strength was not taken
+DOUBTED = ASKED + 1  # it is known, and a field of another strength was not taken
 
 
 class Senses(NamedTuple):

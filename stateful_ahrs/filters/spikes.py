@@ -175,15 +175,15 @@ def confirmed(
     off = is_glitch(found, field, mag_age + dt, dt) or x < AGREEING * math.sqrt(level)
     known = heading_known == 1 or heading_known == ASKED
     if known and judged and field == ZERO and is_other(mag, last_mag, mag_age):
-        heading_known = DOUBTED
+        heading_known = DOUBTED if heading_known == 1 else FIRST_HEADING
         mag_rejected += 1
         mag = (math.nan, math.nan, math.nan)
-    elif heading_known <= 1:
-        pass
+    elif heading_known <= 1 or heading_known == DOUBTED:
+        heading_known = min(heading_known, 1)
     elif judged and off and field == ZERO:
         heading_known = 0
     elif judged and off:
-        heading_known = min(0, heading_known - FIRST_HEADING - 1)
+        heading_known -= FIRST_HEADING + 1
         mag_rejected += 1
         field = ZERO
     else:
