@@ -36,7 +36,9 @@ made_once = lru_cache(4)(recorded)
 
 def recording(seconds, rate=100, motion=WILD, **errors):
     """`recorded`, made once for tests that ask for the same one after another."""
-    samples, truth = made_once(seconds, rate, motion, **errors)
+    if errors:
+        return recorded(seconds, rate, motion, **errors)
+    samples, truth = made_once(seconds, rate, motion)
     columns = (samples.stamps, samples.gyro, samples.accel, samples.mag)
     return Samples(*(column.copy() for column in columns)), truth
 
