@@ -56,6 +56,23 @@ def jump_of_force(elapsed: float) -> float:
     return JUMP_AT_START if elapsed < START_LOW_PASSED else JUMP_OF_FORCE
 
 
+def jumps(rate: Vector, last: Vector, accel: Vector, before: Vector, elapsed: float) -> bool:
+    """Whether rate (rad/s) or force (m/s²) is so far from the one before that one may be a glitch.
+
+    One function, as it is asked of each sample.
+    """
+    x, y, z = rate
+    lx, ly, lz = last
+    x, y, z = x - lx, y - ly, z - lz
+    if x * x + y * y + z * z > JUMP_OF_RATE * JUMP_OF_RATE:
+        return True
+    x, y, z = accel
+    lx, ly, lz = before
+    x, y, z = x - lx, y - ly, z - lz
+    jump = jump_of_force(elapsed)
+    return x * x + y * y + z * z > jump * jump
+
+
 def is_rare(seen: Seen, elapsed: float) -> bool:
     """Whether nothing was taken back of late, so long (s) after a start."""
     return abs(elapsed - seen[5]) >= SELDOM

@@ -128,6 +128,7 @@ from .spikes import (
     is_far,
     is_rare,
     jump_of_force,
+    jumps,
     likely,
     middle,
     over_gap,
@@ -169,9 +170,7 @@ class State(NamedTuple):
     earth: Earth = NO_EARTH
 
 
-def predict(rotor: Rotor, turn: Rotor) -> Rotor:
-    """The gyroscope path (eq. 14), the turn on the right: in the sensor frame."""
-    return product(rotor, turn)
+predict = product  # the gyroscope path (eq. 14), the turn on the right: in the sensor frame
 
 
 def predict_as_printed(rotor: Rotor, turn: Rotor) -> Rotor:
@@ -257,17 +256,15 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
             last, learned, past, rate, turn_rate, gyro_rejected, dt
         )
     turn = from_rate(turn_rate, dt)
-    undone, gave = 0.0, 0
+    undone = 0.0
     if despike:
+        taken_back_at = seen[5]
         if 0.0 < dt < STAYS:
             second = elapsed == 0.0 == earth[1] and last.started
             if second and contradicts(predict(rotor, turn), seen, accel):
                 # No field is carried by a turn that may be none.
                 last, span = amended(last, False, 0, math.inf, last.accel_rejected + 1), 0.0
-            jump = jump_of_force(elapsed)
-            far = span > 0.0 and (
-                is_far(rate, last.rate, JUMP_OF_RATE) or is_far(accel, seen[2], jump)
-            )
+            far = span > 0.0 and jumps(rate, last.rate, accel, seen[2], elapsed)
             if far and is_rare(seen, elapsed):
                 time = earth[1] if low_pass else 0.0
                 turn, taken_back, doubt, mean, undone = cleared(
@@ -278,12 +275,12 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
                     # The last force turned it, too.
                     rotor, earth, past = at_once(rotor, earth, past)
                 gyro_rejected += taken_back
-                gave = taken_back + int(undone > 0.0)
+                if taken_back > 0 or undone > 0.0:
+                    taken_back_at = elapsed
                 accel_rejected = last.accel_rejected + int(undone > 0.0)
                 last = amended(last, last.started, last.heading_known, last.mag_age, accel_rejected)
                 if learns:
                     lost += doubt
-        taken_back_at = elapsed if gave > 0 else seen[5]
         # What a start takes is in no low-pass, and nothing has turned by it.
         seen = (
             (last.rate, span, accel, seen[2], earth[2], taken_back_at)
@@ -716,8 +713,7 @@ def is_usual(state: State, gyro: Vector, accel: Vector, dt: float) -> bool:
         and state.elapsed > 0.0
         and state.past[7] >= 0.0
         and abs(gyro[0]) + abs(gyro[1]) + abs(gyro[2]) < FASTEST
-        and not is_far(gyro, state.senses.rate, JUMP_OF_RATE)
-        and not is_far(accel, state.seen[2], jump_of_force(state.elapsed))
+        and not jumps(gyro, state.senses.rate, accel, state.seen[2], state.elapsed)
     )
 
 

@@ -28,7 +28,6 @@ from ..mpu9250 import calibration_file
 from ..rotor import Rotor, Vector
 from ..words import counted
 from . import lane, life, messages, qos
-from .cdr import Inertial
 from .diagnostics import ERROR, OK, WARN, Diagnostics, Once, Status
 from .parameters import Parameters, Spec
 
@@ -183,10 +182,11 @@ class Fusion(Node):
     def _orientation_covariance(self) -> Any:
         """About the axes of the earth frame: x and y are tilt, z is heading."""
         own = self._filter.stddev
-        known = self._filter.heading_known if own is None else own[1] < math.inf
-        if (own, known) != self._covariance_of:
-            self._covariance_of = own, known
-            stddev = stddevs(own, known, self._chosen_stddev)
+        told = own or self._filter.heading_known
+        if told != self._covariance_of:
+            self._covariance_of = told
+            known = told if own is None else own[1] < math.inf
+            stddev = stddevs(own, bool(known), self._chosen_stddev)
             self._covariance = self._lane.covariance(messages.about_the_vertical(*stddev))
         return self._covariance
 
@@ -210,14 +210,16 @@ class Fusion(Node):
         sample = self._lane.inertial(message)
         if sample is None:
             return
-        stamp, _, gyro, _, accel, _ = sample
+        stamp, gyro, accel, message = sample
         gate = self._gate
         dt = gate.step(stamp, self._now() if stamp == 0 else 0)
         if gate.news:
             self._once.warn(*gate.news)
         if dt is None:
             return
-        stamp = gate.last
+        if stamp != gate.last:
+            stamp = gate.last
+            message = self._lane.stamped(message, stamp)
         if dt == 0.0:
             self._pairing.restart(stamp)
         self._rest.add(gyro, dt)
@@ -232,9 +234,9 @@ class Fusion(Node):
             self._orientation = self._world.update(attitude)
         try:
             if self._imu_out.wanted:
-                self._publish(sample, stamp, rotor.minus(gyro, self._filter.bias), started)
+                self._publish(message, rotor.minus(gyro, self._filter.bias), accel, started)
             if started:
-                self._publish_derived(sample[1], stamp)
+                self._publish_derived(message, stamp)
         except RuntimeError:
             if self.context.ok():
                 raise  # else ROS was shut down since the sample came
@@ -270,43 +272,35 @@ class Fusion(Node):
 
     # Orientation out
 
-    def _publish(self, sample: Inertial, stamp: int, gyro: Vector, started: bool) -> None:
+    def _publish(self, message: Any, gyro: Vector, accel: Vector, started: bool) -> None:
         """Publish imu/data: the sample, its rates less the bias, with the orientation."""
-        covariance = self._orientation_covariance() if started else self._unknown
-        _, frame, _, gyro_covariance, accel, accel_covariance = sample
         if not math.isfinite(sum(gyro) + sum(accel)):
             if not messages.finite(gyro):
-                gyro, gyro_covariance = ZERO, self._unknown
+                gyro, message = ZERO, self._lane.without_rates(message)
             if not messages.finite(accel):
-                accel, accel_covariance = ZERO, self._unknown
-        self._imu_out.publish(
-            self._lane.imu(
-                stamp,
-                frame,
-                self._orientation if started else rotor.IDENTITY,
-                covariance,
-                gyro,
-                gyro_covariance,
-                accel,
-                accel_covariance,
-            )
-        )
+                message = self._lane.without_force(message)
+        if started:
+            orientation, covariance = self._orientation, self._orientation_covariance()
+        else:
+            orientation, covariance = rotor.IDENTITY, self._unknown
+        self._imu_out.publish(self._lane.oriented(message, orientation, covariance, gyro))
 
-    def _publish_derived(self, frame: Any, stamp: int) -> None:
+    def _publish_derived(self, message: Any, stamp: int) -> None:
         """Publish what is computed from the orientation only while someone listens."""
         axis_wanted, angle_wanted = self._axis_out.wanted, self._angle_out.wanted
         self._turn.update(self._orientation, coarse=not (axis_wanted or angle_wanted))
         if axis_wanted:
+            frame = self._lane.frame_of(message)
             self._axis_out.publish(self._lane.vector(stamp, frame, self._turn.axis))
         if angle_wanted:
             self._angle_out.publish(self._lane.number(self._turn.angle))
         if self._rpy_out.wanted:
-            rpy = rotor.euler(self._orientation)
+            frame, rpy = self._lane.frame_of(message), rotor.euler(self._orientation)
             self._rpy_out.publish(self._lane.vector(stamp, frame, rpy))
         if self._broadcaster is not None:
             transform = TransformStamped(
                 header=messages.header(stamp, self._chosen["tf_parent"]),
-                child_frame_id=self._lane.name(frame),
+                child_frame_id=self._lane.name(self._lane.frame_of(message)),
             )
             transform.transform.rotation = messages.quaternion_message(self._orientation)
             self._broadcaster.sendTransform(transform)

@@ -1,7 +1,7 @@
 """How sensor messages pass through a node: as Python messages, or as bytes in the fast lane.
 
-A node reads the same with either. What a lane makes of a frame or of a covariance only that lane
-understands.
+A node reads the same with either. What a lane makes of a frame, of a covariance or of a message
+that it passes on only that lane understands.
 """
 
 from __future__ import annotations
@@ -32,18 +32,43 @@ class Lane:
 
     def inertial(self, message: Any) -> Inertial | None:
         """Read a sensor_msgs/Imu; None if it is malformed."""
-        return (
-            messages.nanoseconds(message.header.stamp),
-            message.header.frame_id,
-            *messages.reported(message.angular_velocity, message.angular_velocity_covariance),
-            *messages.reported(message.linear_acceleration, message.linear_acceleration_covariance),
-        )
+        gyro, accel = messages.rates_and_force(message)
+        return messages.nanoseconds(message.header.stamp), gyro, accel, message
 
     def magnetic(self, message: Any) -> Magnetic | None:
         """Read a sensor_msgs/MagneticField; None if it is malformed."""
         stamp = messages.nanoseconds(message.header.stamp)
         field, _ = messages.reported(message.magnetic_field, message.magnetic_field_covariance)
         return Magnetic(stamp, field)
+
+    def oriented(
+        self, message: Any, orientation: Rotor, orientation_covariance: Any, gyro: Vector
+    ) -> Any:
+        """A sensor_msgs/Imu that was read, with this orientation and these rates (rad/s)."""
+        message.orientation = messages.quaternion_message(orientation)
+        message.orientation_covariance = orientation_covariance
+        message.angular_velocity = messages.vector_message(gyro)
+        return message
+
+    def stamped(self, message: Any, stamp: int) -> Any:
+        """The same with another stamp (ns)."""
+        message.header.stamp = messages.time(stamp)
+        return message
+
+    def without_rates(self, message: Any) -> Any:
+        """The same, saying that its rates are not reported (REP-145)."""
+        message.angular_velocity_covariance = messages.UNKNOWN
+        return message
+
+    def without_force(self, message: Any) -> Any:
+        """The same, saying that its specific force is not reported; it is zero."""
+        message.linear_acceleration = messages.vector_message((0.0, 0.0, 0.0))
+        message.linear_acceleration_covariance = messages.UNKNOWN
+        return message
+
+    def frame_of(self, message: Any) -> Any:
+        """The frame of a message that was read."""
+        return message.header.frame_id
 
     def imu(
         self,
@@ -101,6 +126,11 @@ class FastLane(Lane):
     """Bytes. What `cdr` refuses takes the way through a Python message."""
 
     raw = True
+    oriented = staticmethod(cdr.oriented)
+    stamped = staticmethod(cdr.stamped)
+    without_rates = staticmethod(cdr.without_rates)
+    without_force = staticmethod(cdr.without_force)
+    frame_of = staticmethod(cdr.frame_of)
     imu = staticmethod(cdr.imu)
     magnetic_field = staticmethod(cdr.magnetic_field)
     vector = staticmethod(cdr.vector)
