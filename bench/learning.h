@@ -50,7 +50,7 @@ static const double ALL_BUT_TILT[WIDTH] = {0, 0, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1
 
 typedef struct { double row[3][3]; } Matrix;
 
-typedef struct { Rotor predicted; Vector rate, force, mag; double span; int heard; } Row;
+typedef struct { Rotor predicted; Vector rate, force, mag; double span; int felt, heard; } Row;
 
 typedef struct {
     double covariance[WIDTH][WIDTH], error[3], lag[2][LEARNED], iron[4][5];
@@ -72,7 +72,12 @@ typedef struct {
 
 typedef struct { Vector field, rate; double square, rows, time, moment, weight; } Delay;
 
-typedef struct { double elapsed, unit; int rest_windows, swaps; Field field; Delay delay; } Room;
+typedef struct {
+    double elapsed, unit, missed;
+    int rest_windows, swaps;
+    Field field;
+    Delay delay;
+} Room;
 
 typedef struct {
     int rows;
@@ -84,7 +89,7 @@ typedef struct {
 
 typedef struct {
     double time, rate_noise, accel_noise, motion, field_rate_square, unit, largest;
-    int heard;
+    int felt, heard;
     Vector rate, field, field_rate;
     double xx, xy, xz, yy, yz, zz, qq; /* of the sphere: m m', |m|^2, */
     Vector m, q; /* m and |m|^2 m */
@@ -223,10 +228,13 @@ static Sums gather(Memory *m, const Window *window, const Learned *learned, doub
                     m->effect[i][PER_AXIS * j + k] += turn.row[i][j] * did[k];
         sums.rate = total(sums.rate, row->rate);
         rate_square += square(row->rate);
-        accel = total(accel, row->force);
-        accel_square += square(row->force);
-        Vector level = minus(apply(&turn, row->force), window->up);
-        sums.motion += level.x * level.x + level.y * level.y;
+        if (row->felt) {
+            sums.felt++;
+            accel = total(accel, row->force);
+            accel_square += square(row->force);
+            Vector level = minus(apply(&turn, row->force), window->up);
+            sums.motion += level.x * level.x + level.y * level.y;
+        }
         if (!row->heard) continue;
         sums.heard++;
         Vector mag = minus(row->mag, learned->hard_iron);
@@ -250,8 +258,9 @@ static Sums gather(Memory *m, const Window *window, const Learned *learned, doub
     double each = 1.0 / window->rows, heard = 1.0 / (sums.heard > 1 ? sums.heard : 1);
     sums.rate = times(each, sums.rate);
     sums.rate_noise = rate_square * each - square(sums.rate);
-    sums.accel_noise = accel_square * each - square(times(each, accel));
-    sums.motion *= each;
+    double of_force = 1.0 / (sums.felt > 1 ? sums.felt : 1);
+    sums.accel_noise = accel_square * of_force - square(times(of_force, accel));
+    sums.motion *= of_force;
     sums.field = times(heard, sums.field);
     sums.field_rate = times(heard, sums.field_rate);
     sums.field_rate_square *= heard;
@@ -518,7 +527,7 @@ static void learn(Memory *m, Room *room, Learned *learned, const Window *window)
     /* Rest: the gyroscope reads its bias. */
     Vector rate = sums.rate, rest = minus(rate, learned->bias);
     const double off[3] = {rest.x, rest.y, rest.z};
-    int rests = sums.rate_noise < squared(REST_RATE_NOISE)
+    int rests = sums.rate_noise < squared(REST_RATE_NOISE) && sums.felt > 0
              && sums.accel_noise < squared(REST_ACCEL_NOISE)
              && larger(larger(fabs(rate.x), fabs(rate.y)), fabs(rate.z)) < REST_RATE
              && is_bias(m, off);
@@ -537,15 +546,20 @@ static void learn(Memory *m, Room *room, Learned *learned, const Window *window)
             m->lag[i][k] = fade * m->lag[i][k] + fill * m->effect[i][k];
     double length = sqrt(square(up)) + 1e-12, motion = 0.5 * sums.motion / squared(GRAVITY);
     double variance = (TILT_VARIANCE + TILT_PER_MOTION * motion) * settling;
-    double x1 = m->state[0];
-    m->row[0] = 1.0;
-    for (int k = 0; k < LEARNED; k++) m->row[3 + k] = -m->lag[0][k];
-    measure(m, FREE, variance, up.y / length);
-    double x2 = m->state[0], y2 = m->state[1];
-    m->row[0] = 0.0, m->row[1] = 1.0;
-    for (int k = 0; k < LEARNED; k++) m->row[3 + k] = -m->lag[1][k];
-    measure(m, FREE, variance, -up.x / length);
-    double own_x = x2 - x1, own_y = m->state[1] - y2, own_z = 0.0;
+    double own_x = 0.0, own_y = 0.0, own_z = 0.0;
+    room->missed = smaller(fade * room->missed + window->doubt, squared(TILT_SHARE * TILT_AT_START));
+    if (sums.felt > 0) {
+        variance *= (double)window->rows / sums.felt;
+        double x1 = m->state[0];
+        m->row[0] = 1.0;
+        for (int k = 0; k < LEARNED; k++) m->row[3 + k] = -m->lag[0][k];
+        measure(m, FREE, variance, up.y / length);
+        double x2 = m->state[0], y2 = m->state[1];
+        m->row[0] = 0.0, m->row[1] = 1.0;
+        for (int k = 0; k < LEARNED; k++) m->row[3 + k] = -m->lag[1][k];
+        measure(m, FREE, variance, -up.x / length);
+        own_x = x2 - x1, own_y = m->state[1] - y2;
+    }
 
     learned->heading_rate = 0.0;
     if (sums.heard > 0) own_z = hear(m, room, learned, &sums, window, settling);
@@ -557,7 +571,7 @@ static void learn(Memory *m, Room *room, Learned *learned, const Window *window)
     double heading = m->covariance[2][2] + z * z;
     learned->heading_stddev =
         sqrt(squared(HEADING_SHARE) * heading + squared(HEADING_FLOOR) + room->field.rival);
-    learned->tilt_stddev = sqrt(squared(TILT_SHARE) * tilt + squared(TILT_FLOOR));
+    learned->tilt_stddev = sqrt(squared(TILT_SHARE) * tilt + squared(TILT_FLOOR) + room->missed);
     learned->bias = total(learned->bias, (Vector){m->state[3], m->state[7], m->state[11]});
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 3; k++) learned->axes.row[i][k] += m->state[4 + PER_AXIS * i + k];

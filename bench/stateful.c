@@ -43,21 +43,21 @@ static const double FOURFOLD = 4.0; /* of the square of a field */
 static const double CHANGE = 20.0; /* rad/s^2 */
 
 /* The rate before the last, the time that the last turned for (negative where the mean of both did),
-   the last force, the one before, the field before the last (earth frame), and when one was last
-   taken back. */
+   the last force, the one before, the field before the last (earth frame), and the time since
+   samples last jumped (0 where the last one was the first to). */
 typedef struct {
     Vector rate;
     double span;
     Vector force, force_before, field;
-    double taken_back_at;
+    double jumped;
 } Seen;
 
-static inline int is_rare(const Seen *seen, double elapsed)
+static inline int is_rare(const Seen *seen)
 {
-    return fabs(elapsed - seen->taken_back_at) >= SELDOM;
+    return seen->jumped == 0.0 || seen->jumped >= SELDOM;
 }
 
-/* How far a force may be a glitch, so long after a start. */
+/* How far off a force may be a glitch, where means are of so long. */
 static inline double jump_of_force(double elapsed)
 {
     return elapsed < START_LOW_PASSED ? JUMP_AT_START : JUMP_OF_FORCE;
@@ -173,11 +173,11 @@ static inline int is_glitch(Vector mag, Vector last, double age, double dt)
     return square(minus(mag, last)) > smaller(square(mag), square(last));
 }
 
-/* Whether a field is twice or half as strong as a last good one, `age` s before it. */
-static inline int is_other(Vector mag, Vector last, double age)
+/* Whether a field is twice or half as strong as a last good one, `age` s old; no if none. */
+static inline int is_other(Vector mag, Vector last, double age, double dt)
 {
     double strength = square(mag), usual = square(last);
-    return age < SELDOM && larger(strength, usual) > FOURFOLD * smaller(strength, usual);
+    return age - dt < SELDOM && larger(strength, usual) > FOURFOLD * smaller(strength, usual);
 }
 
 /* gaps.py */
@@ -327,7 +327,10 @@ static inline Rotor corrected(Senses *senses, Earth *earth, const Learned *learn
     }
     if (!fresh && came(mag)) {
         senses->mag_rejected++;
-        if (senses->mag_age - dt >= STAYS) earth->field = ZERO; /* the next is believed */
+        if (senses->mag_age - dt >= STAYS) { /* the next is believed */
+            earth->field = ZERO;
+            if (senses->heading_known == 1) senses->heading_known = DOUBTED;
+        }
     }
     if (!*anew) change.x += nudge.x, change.y += nudge.y, change.z += nudge.z;
     if (moved) earth->field = slightly(change, earth->field);
@@ -354,7 +357,7 @@ static Vector confirm(Senses *senses, Earth *earth, Vector mag, Rotor rotor, dou
     int off = is_glitch(found, earth->field, senses->mag_age + dt, dt)
            || found.x < AGREEING * sqrt(level), lost = square(earth->field) == 0.0;
     int known = senses->heading_known == 1 || senses->heading_known == ASKED;
-    if (known && lost && is_other(mag, senses->mag, senses->mag_age)) {
+    if (known && lost && is_other(mag, senses->mag, senses->mag_age + dt, dt)) {
         senses->mag_rejected++;
         senses->heading_known = senses->heading_known == 1 ? DOUBTED : FIRST_HEADING;
         return NONE;
@@ -362,7 +365,7 @@ static Vector confirm(Senses *senses, Earth *earth, Vector mag, Rotor rotor, dou
     if (senses->heading_known == DOUBTED) senses->heading_known = 1;
     if (senses->heading_known <= 1) return mag;
     if (off && lost)
-        senses->heading_known = 0;
+        senses->mag_rejected += senses->heading_known <= FIRST_HEADING, senses->heading_known = 0;
     else if (off)
         senses->heading_known -= FIRST_HEADING + 1, senses->mag_rejected++, earth->field = ZERO;
     else
@@ -376,7 +379,7 @@ static int look(Senses *senses, Rotor turn, Vector accel, Vector mag, Rotor pred
 {
     int fresh = heard(mag), has_up = usable(accel), found = 0;
     senses->mag_age = dt > 0.0 ? senses->mag_age + dt : INFINITY;
-    senses->mag_rejected += !fresh, senses->accel_rejected += !has_up;
+    senses->mag_rejected += came(mag) && !fresh, senses->accel_rejected += !has_up;
     Vector last = carried(turn, senses->mag);
     if (has_up && (fresh || senses->mag_age <= MAG_TIMEOUT))
         found = dcm(accel, fresh ? mag : last, snapshot);
@@ -406,7 +409,7 @@ typedef struct {
     double time;
     Vector applied;
     int rows;
-    double row_time, mag_row_time, step, doubt, held_for, resumed;
+    double row_time, mag_row_time, step, doubt, held_for, since_gap;
 } Past;
 
 typedef struct {
@@ -454,12 +457,13 @@ static inline void passed(State *s, Rotor change, double dt, double lost, double
     s->row = 0.0, s->due = begins;
     if (begins || starts) {
         *past = (Past){.applied = begins ? past->applied : ZERO, .mag_row_time = 1.0,
-                       .step = begins ? dt : 0.0, .resumed = starts ? -OFTEN : past->resumed};
+                       .step = begins ? dt : 0.0,
+                       .since_gap = starts ? OFTEN : past->since_gap + dt};
         return;
     }
     int fresh = s->senses.mag_age == 0.0;
     past->time += dt, past->row_time += dt, past->mag_row_time += dt, past->step = dt;
-    past->doubt += lost, past->held_for = held_for;
+    past->doubt += lost, past->held_for = held_for, past->since_gap += dt;
     if (past->row_time >= ROW_TIME || (fresh && past->mag_row_time >= ROW_TIME)) {
         past->rows++;
         s->row = past->row_time, past->row_time = 0.0;
@@ -495,7 +499,7 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
         turn_rate = middle(before, turn_rate), span = -dt;
     }
     Rotor turn = from_rate(turn_rate, dt), change = IDENTITY, rotor;
-    double undone = 0.0, taken_back_at = s->seen.taken_back_at;
+    double undone = 0.0, jumped = s->seen.jumped + dt;
     if (0.0 < dt && dt < STAYS) {
         if (s->elapsed == 0.0 && s->earth.time == 0.0 && senses->started
             && contradicts(product(s->rotor, turn), &s->seen, accel)) {
@@ -505,7 +509,10 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
         double jump = jump_of_force(s->elapsed);
         int far_rate = is_far(rate, last, JUMP_OF_RATE);
         int far_force = s->earth.time > 0.0 && is_far(accel, s->seen.force, jump);
-        if (span > 0.0 && (far_rate || far_force) && is_rare(&s->seen, s->elapsed)) {
+        int jumps = far_rate || is_far(accel, s->seen.force, jump);
+        if (span > 0.0 && jumps && square(s->seen.force) > 0.0)
+            jumped = s->seen.jumped >= SELDOM ? 0.0 : dt;
+        if (span > 0.0 && (far_rate || far_force) && is_rare(&s->seen)) {
             Vector knock = ZERO;
             if (far_rate) knock = to_neighbours(last, s->seen.rate, rate, JUMP_OF_RATE);
             if (square(knock) > 0.0) {
@@ -514,25 +521,26 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
                 int better = clear || is_better(product(s->rotor, back), product(s->rotor, turn),
                                                 accel, mag, s->seen.field);
                 if (!(better && late)) lost += variance_doubted(&s->seen, knock);
-                if (better) turn = back, senses->gyro_rejected++, taken_back_at = s->elapsed;
+                if (better) turn = back, senses->gyro_rejected++;
             }
             if (far_force)
                 undone = put_right(&s->earth.up, s->earth.time, s->rotor, turn, &s->seen, accel, jump);
             if (undone > 0.0) {
-                senses->accel_rejected++, taken_back_at = s->elapsed;
+                senses->accel_rejected++;
                 if (s->elapsed < START_LOW_PASSED) at_once(s);
             }
         }
     }
     /* What a start takes is in no low-pass, and nothing has turned by it. */
-    s->seen = dt > 0.0 ? (Seen){last, span, accel, s->seen.force, s->earth.field, taken_back_at}
-                       : (Seen){last, 0.0, ZERO, ZERO, ZERO, -SELDOM};
+    s->seen = dt > 0.0 ? (Seen){last, span, accel, s->seen.force, s->earth.field,
+                                jumped}
+                       : (Seen){last, 0.0, ZERO, ZERO, ZERO, SELDOM};
     if (lost > 0.0) {
         s->earth.time = left_of(smaller(s->earth.time, LOW_PASS), lost);
         if (lost > MUCH_LOST) s->earth.field = ZERO;
         s->elapsed = left_of(smaller(s->elapsed, AVERAGED), lost);
     }
-    if (span < 0.0) s->past.resumed = s->elapsed;
+    if (span < 0.0) s->past.since_gap = 0.0;
     Rotor predicted = product(s->rotor, turn);
     if (dt != s->pace.dt) s->pace = paced(gains, dt);
     Pace pace = s->pace;
@@ -567,22 +575,23 @@ static void wait(State *s, Vector rate, Vector accel, Vector mag, double dt)
 {
     Senses *senses = &s->senses;
     Seen *seen = &s->seen;
-    Vector last = senses->rate, earlier = seen->rate, before = likely(earlier, last, rate);
+    Vector last = senses->rate, earlier = seen->rate;
+    Vector before = is_rare(seen) ? likely(earlier, last, rate) : last;
     Rotor turn = from_rate(true_rate(&s->learned, over_gap(before, rate, dt)), dt);
     if (is_far(before, last, JUMP_OF_RATE)) {
         senses->gyro_rejected++;
         turn = product(way_back(last, seen, minus(before, last)), turn);
     }
     double jump = jump_of_force(s->elapsed);
-    if (s->earth.time > 0.0 && is_far(accel, seen->force, jump) && is_rare(seen, s->elapsed)
+    if (s->earth.time > 0.0 && is_far(accel, seen->force, jump) && is_rare(seen)
         && put_right(&s->earth.up, s->earth.time, s->rotor, turn, seen, accel, jump) > 0.0) {
-        senses->accel_rejected++, seen->taken_back_at = s->elapsed;
+        senses->accel_rejected++;
         if (s->elapsed < START_LOW_PASSED) at_once(s);
     }
-    senses->accel_rejected += !usable(accel), senses->mag_rejected += !heard(mag);
+    senses->accel_rejected += !usable(accel), senses->mag_rejected += came(mag) && !heard(mag);
     senses->rate = rate, senses->mag_age += dt;
     *seen = (Seen){before, -dt, accel, carried(turn, seen->force), heard(mag) ? mag : ZERO,
-                   seen->taken_back_at};
+                   seen->jumped};
     double variance = variance_over_gap(before, rate, dt);
     double more = larger(0.0, variance_over_gap(earlier, rate, dt) - variance);
     s->past.held_for = -1.0 - more;
@@ -619,7 +628,8 @@ static int resume(State *s, Vector gyro, Vector *accel, Vector *mag, double dt)
     Vector last = senses->rate, rate = held ? last : gyro, before = seen.rate;
     Rotor turn = from_rate(true_rate(&s->learned, rate), dt);
     *mag = of_both(s, seen.field, *mag, turn);
-    if (usable(seen.force) && usable(seen.force_before) && usable(*accel)) {
+    int rare = is_rare(&seen);
+    if (rare && usable(seen.force) && usable(seen.force_before) && usable(*accel)) {
         Vector second = rotate(turn, *accel);
         Vector force = likely(seen.force_before, seen.force, second);
         double jump = jump_of_force(s->elapsed);
@@ -629,7 +639,7 @@ static int resume(State *s, Vector gyro, Vector *accel, Vector *mag, double dt)
         senses->accel_rejected++;
         *accel = carried(turn, seen.force);
     }
-    Vector meant = likely(before, last, rate);
+    Vector meant = rare ? likely(before, last, rate) : last;
     double span = -seen.span;
     Rotor gap = from_rate(true_rate(&s->learned, over_gap(before, last, span)), span);
     Rotor anew = from_rate(true_rate(&s->learned, middle(before, meant)), span);
@@ -659,8 +669,8 @@ static int resume(State *s, Vector gyro, Vector *accel, Vector *mag, double dt)
     senses->gyro_rejected += is_far(meant, last, JUMP_OF_RATE);
     senses->rate = meant;
     s->seen = (Seen){before, 0.0, seen.force, seen.force_before, earth->field,
-                     seen.taken_back_at};
-    past->doubt += lost, past->held_for = 0.0, past->resumed = s->elapsed, past->step = span;
+                     seen.jumped + span};
+    past->doubt += lost, past->held_for = 0.0, past->since_gap = 0.0, past->step = span;
     s->row = 0.0, s->due = 0;
     return lost > ALL_LOST;
 }
@@ -675,9 +685,10 @@ static void replay(State *s, Gains gains, Vector gyro, Vector accel, Vector *mag
     int held = !(fabs(gyro.x) + fabs(gyro.y) + fabs(gyro.z) < FASTEST);
     Vector last = senses->rate, rate = held ? last : gyro, before = seen.rate;
     Rotor turn = from_rate(true_rate(&s->learned, rate), dt);
-    Vector meant = likely(before, last, rate), force = seen.force;
+    int rare = is_rare(&seen);
+    Vector meant = rare ? likely(before, last, rate) : last, force = seen.force;
     Rotor gap = from_rate(true_rate(&s->learned, over_gap(before, last, span)), span);
-    if (usable(seen.force) && usable(seen.force_before) && usable(accel))
+    if (rare && usable(seen.force) && usable(seen.force_before) && usable(accel))
         force = likely(seen.force_before, seen.force, rotate(turn, accel));
     *mag = of_both(s, seen.field, *mag, turn);
     senses->gyro_rejected += is_far(meant, last, JUMP_OF_RATE);
@@ -691,7 +702,7 @@ static void replay(State *s, Gains gains, Vector gyro, Vector accel, Vector *mag
     s->past.held_for = 0.0;
     s->rotor = product(s->rotor, conjugate(gap));
     s->seen = (Seen){before, 0.0, seen.force_before, seen.force_before, s->earth.field,
-                     seen.taken_back_at};
+                     seen.jumped};
     step(s, gains, meant, force, NONE, span);
     if (s->row > 0.0) s->past.rows--, s->past.row_time = s->row; /* the next is one instead */
     s->row = 0.0, s->due = 0;
@@ -709,7 +720,7 @@ static inline void take(State *s, Gains gains, Vector gyro, Vector *accel, Vecto
     }
     int lost = 0;
     if (past->held_for < 0.0 && 0.0 < dt) {
-        if (s->elapsed < past->resumed + OFTEN)
+        if (past->since_gap < OFTEN)
             replay(s, gains, gyro, *accel, mag, dt);
         else
             lost = resume(s, gyro, accel, mag, dt);
@@ -717,7 +728,7 @@ static inline void take(State *s, Gains gains, Vector gyro, Vector *accel, Vecto
     step(s, gains, gyro, *accel, *mag, dt);
     if (lost) {
         *past = (Past){.time = -1.0, .mag_row_time = 1.0, .step = past->step,
-                       .resumed = past->resumed};
+                       .since_gap = past->since_gap};
         s->row = 0.0, s->due = 1;
     }
 }
@@ -725,9 +736,8 @@ static inline void take(State *s, Gains gains, Vector gyro, Vector *accel, Vecto
 /* Write the sample that made the state into the log, as its last row. */
 static void note(Memory *m, const State *s, Vector accel, Vector mag)
 {
-    Vector force = usable(accel) ? accel : carried(s->predicted, s->earth.up);
-    int heard = s->past.mag_row_time == 0.0;
-    m->log[s->past.rows - 1] = (Row){s->predicted, s->senses.rate, force, mag, s->row, heard};
+    int felt = usable(accel), heard = s->past.mag_row_time == 0.0;
+    m->log[s->past.rows - 1] = (Row){s->predicted, s->senses.rate, accel, mag, s->row, felt, heard};
 }
 
 /* The slow room's turn: after a window, a new start, or the first heading. */
@@ -762,8 +772,8 @@ void run(long n, double alpha, double alpha_rate, const double *gyro, const doub
                .senses = {.mag = NORTH, .mag_age = INFINITY},
                .predicted = IDENTITY,
                .pace = {.dt = -1.0},
-               .past = {.mag_row_time = 1.0, .resumed = -OFTEN},
-               .seen = {.taken_back_at = -SELDOM},
+               .past = {.mag_row_time = 1.0, .since_gap = OFTEN},
+               .seen = {.jumped = SELDOM},
                .earth = {.up = UP}};
     Memory memory;
     begin(&memory, &s.room, &s.learned);

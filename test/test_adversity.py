@@ -274,7 +274,7 @@ PACKETS = {  # steps in hundredths of a second
     "pairs far apart": (1, 20),
     "threes": (1, 1, 10),
     "tens": (*[1] * 9, 30),
-    "one of 50 lost": (*[1] * 49, 4),
+    "three of 50 lost": (*[1] * 47, 4),
 }
 
 
@@ -350,6 +350,23 @@ def test_a_bad_sample_in_a_packet_is_counted(row, sensor, value, counted):
     assert counts(f) == counted
 
 
+@pytest.mark.parametrize("packets", PACKETS)
+@pytest.mark.parametrize(("sensor", "size"), [("gyro", 20.0), ("accel", 100.0)])
+def test_in_packets_bad_samples_are_taken_back_again_and_again(packets, sensor, size):
+    samples, truth, first = in_packets(30.0, PACKETS[packets], "all")
+    seconds = (samples.stamps - samples.stamps[0]) * 1e-9
+    column = getattr(samples, sensor).copy()
+    bad = [np.flatnonzero((seconds > at) & ~first)[1] for at in (10.0, 15.0, 20.0, 25.0)]
+    column[bad] = size * np.array([0.9, 0.2, -0.4])
+    f = filters.make("stateful")
+    harm = errors_deg(f.run(replace(samples, **{sensor: column})), truth) - errors_deg(
+        run(samples), truth
+    )
+    assert counts(f) == ((4, 0, 0) if sensor == "gyro" else (0, 4, 0))
+    for at in seconds[bad]:
+        assert harm[(seconds > at + 1.0) & (seconds < at + 4.5)].max() < 4.0, at
+
+
 @pytest.mark.parametrize("rate", [50, 100, 200])
 @pytest.mark.parametrize("each", [1, 2, 5])
 @pytest.mark.parametrize("row", [2, 3, 5, 6, 10, 50])
@@ -372,8 +389,59 @@ def test_a_vibration_from_the_first_sample_on_is_not_rectified(hertz, strength):
         shaken = replace(samples, accel=samples.accel + wave[:, None] * direction)
         errors = errors_deg(run(shaken), truth)[100:]
         as_it_is = errors_deg(run(shaken, despike=False), truth)[100:]
-        # One good force in a second is taken for bad.
-        assert errors.max() < as_it_is.max() + strength, direction
+        # One good force, the first, may be taken for bad.
+        assert errors.max() < as_it_is.max() + 18.0, direction
+
+
+@pytest.mark.parametrize("rate", [50, 100, 200])
+@pytest.mark.parametrize("part", [0.28, 0.36, 0.43, 0.48])
+@pytest.mark.parametrize(("sensor", "strength"), [("gyro", 5.0), ("accel", 50.0)])
+def test_a_vibration_that_sets_in_is_not_rectified(rate, part, sensor, strength):
+    samples, truth = recording(16.0, rate)
+    later = np.arange(len(samples)) >= 5 * rate
+    wave = later * strength * np.sin(2.0 * math.pi * part * np.arange(len(samples)) + 1.3)
+    for axis in np.eye(3):
+        column = getattr(samples, sensor) + wave[:, None] * axis
+        shaken = replace(samples, **{sensor: column})
+        f = filters.make("stateful")
+        errors = errors_deg(f.run(shaken), truth)[later]
+        as_it_is = errors_deg(run(shaken, despike=False), truth)[later]
+        assert sum(counts(f)) <= 2
+        # One good sample, the first that jumps, may be taken for bad.
+        assert errors.max() < as_it_is.max() + 8.0, axis
+
+
+@pytest.mark.parametrize("motion", ["rest", "turn"])
+def test_without_forces_tilt_is_told_less_and_less_surely(motion):
+    samples, truth = recording(60.0, motion=WILD if motion == "turn" else MOTIONS["rest"])
+    samples.accel[1000:] = math.nan
+    f = filters.make("stateful")
+    told = []
+    rotors = sample_by_sample(samples, f, lambda: told.append(f.stddev[0]))
+    off = DEGREE * inclination_deg(rotors, truth)
+    assert (off < 3.0 * np.array(told))[100:].all()
+    assert told[1000] < told[1500] < told[2500] < told[4000] < told[5999]
+
+
+@pytest.mark.parametrize("packets", PACKETS)
+@pytest.mark.parametrize("hertz", [100.0 / 3.0, 37.0])
+def test_in_packets_a_vibration_is_not_taken_back(packets, hertz):
+    samples, _, _ = in_packets(20.0, PACKETS[packets], "all")
+    seconds = (samples.stamps - samples.stamps[0]) * 1e-9
+    wave = 22.0 * np.sin(2.0 * math.pi * hertz * seconds + 1.5)
+    f = filters.make("stateful")
+    f.run(replace(samples, accel=samples.accel + wave[:, None] * np.array([0.6, 0.64, 0.48])))
+    assert counts(f)[1] < 10
+
+
+@pytest.mark.parametrize(("each", "rejected"), [(1, 26), (20, 2), (30, 1), (50, 1)])
+def test_a_field_of_another_strength_is_not_taken_until_it_stays(each, rejected):
+    samples, _ = recording(14.0)
+    samples.mag[np.arange(len(samples)) % each > 0] = math.nan
+    samples.mag[1000:] *= 3.0
+    f = filters.make("stateful")
+    f.run(samples)
+    assert counts(f) == (0, 0, rejected)
 
 
 @pytest.mark.parametrize("packets", PACKETS)

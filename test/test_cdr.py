@@ -152,6 +152,11 @@ def test_nanoseconds_beyond_a_second_are_malformed():
     assert fast.inertial(bytes(data)) is None
     assert fast.magnetic(bytes(data)) is None
     assert (fast.slow, fast.malformed) == (0, 2)
+    slow, imu, mag = Lane(), Imu(), MagneticField()
+    imu.header.stamp.nanosec = mag.header.stamp.nanosec = 1_000_000_000
+    assert slow.inertial(imu) is None
+    assert slow.magnetic(mag) is None
+    assert slow.malformed == 2
 
 
 @pytest.mark.parametrize("data", [b"", b"\x00\x01", b"\x00\x01\x00\x00" + bytes(50)])

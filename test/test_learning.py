@@ -740,3 +740,15 @@ def test_rejections_are_counted(learning):
     learning.update_imu(*good, 0.01)
     report = learning.report
     assert (report.gyro_rejected, report.accel_rejected, report.mag_rejected) == (1, 1, 1)
+
+
+def test_who_learns_no_more_keeps_what_was_learned(learning):
+    learning.run(recording(20.0, bias=(0.01, -0.01, 0.02))[0])
+    before = learning.bias
+    names = "learn_bias", "learn_misalignment", "learn_mag", "weigh_mag"
+    learning.settings = replace(learning.settings, **dict.fromkeys(names, False))
+    learning.settings = replace(learning.settings, alpha=0.99)
+    assert before == pytest.approx((0.01, -0.01, 0.02), abs=2e-3)
+    assert learning.bias == before
+    learning.reset()
+    assert learning.bias == (0.0, 0.0, 0.0)

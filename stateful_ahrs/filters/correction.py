@@ -21,7 +21,7 @@ import math
 from ..rotor import IDENTITY, Rotor, Vector, rotate, slightly
 from .gains import START_LOW_PASSED, Gains, part_of_heading
 from .learning import LEVEL, LOW_PASS, Learned
-from .senses import FIRST_HEADING, UP, WEAKEST, Senses, heard, usable
+from .senses import DOUBTED, FIRST_HEADING, UP, WEAKEST, Senses, heard, usable
 from .spikes import STAYS, ZERO, is_glitch
 
 NEARLY_UPRIGHT = 0.01  # square of the tangent of the angle to the vertical
@@ -102,8 +102,9 @@ def corrected(
                 fresh = not is_glitch(found, field, mag_age, dt)
         if not fresh:
             mag_rejected += 1
-            if mag_age - dt >= STAYS:
-                field = ZERO  # the next is believed
+            if mag_age - dt >= STAYS:  # the next is believed
+                field = ZERO
+                heading_known = DOUBTED if heading_known == 1 else heading_known
         else:
             field = found
             last_mag = mag

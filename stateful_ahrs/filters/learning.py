@@ -152,6 +152,7 @@ class Room(NamedTuple):
     swaps: int = 0  # how often a candidate took the place of the reference
     field: Field = UNSEEN
     delay: Delay = Delay()
+    missed: float = 0.0  # rad²: variance of tilt by turns not measured, that up does not show yet
 
 
 class Chosen(NamedTuple):
@@ -225,10 +226,10 @@ def start_anew(memory: Floats, room: Room, learned: Learned) -> tuple[Room, Lear
     """A new start with the same sensor: attitude and field unknown, calibration kept."""
     forget_attitude(memory)
     free_norm(memory, FREED)
-    _, _, unit, iron_known, swaps, _, delay = room
+    _, _, unit, iron_known, swaps, _, delay, _ = room
     zero = (0.0, 0.0, 0.0)
     delay = Delay(zero, zero, 0.0, 0.0, 0.0, delay.moment, delay.weight)
-    room = Room(0.0, 0, unit, iron_known, swaps, UNSEEN, delay)
+    room = Room(0.0, 0, unit, iron_known, swaps, UNSEEN, delay, 0.0)
     learned = Learned(
         learned.bias, learned.row_x, learned.row_y, learned.row_z, learned.delay,
         learned.hard_iron, 1.0, 0.0, zero, HEADING_SHARE * HEADING_AT_START,
@@ -240,8 +241,8 @@ def start_anew(memory: Floats, room: Room, learned: Learned) -> tuple[Room, Lear
 def attitude_lost(memory: Floats, room: Room, learned: Learned) -> tuple[Room, Learned]:
     """After a gap in which the attitude was lost; sensors and field are as they were."""
     forget_attitude(memory)
-    _, _, unit, iron_known, swaps, field, delay = room
-    room = Room(0.0, 0, unit, iron_known, swaps, field, delay)
+    _, _, unit, iron_known, swaps, field, delay, _ = room
+    room = Room(0.0, 0, unit, iron_known, swaps, field, delay, 0.0)
     learned = Learned(
         learned.bias, learned.row_x, learned.row_y, learned.row_z, learned.delay,
         learned.hard_iron, learned.trust, 0.0, (0.0, 0.0, 0.0), HEADING_SHARE * HEADING_AT_START,
@@ -312,6 +313,7 @@ class Sums(NamedTuple):
     time: float  # s
     rate: Vector  # mean, rad/s, as measured
     rate_noise: float  # mean square about it
+    felt: int  # rows with a force
     accel_noise: float  # likewise, (m/s²)²
     motion: float  # mean square of the level acceleration about the low-passed, (m/s²)²
     heard: int  # rows with a magnetometer sample
@@ -348,7 +350,7 @@ def gather(memory: Floats, rows: int, up: Vector, learned: Learned, room: Room) 
     time = 0.0
     rate_x = rate_y = rate_z = rate_square = 0.0
     accel_x = accel_y = accel_z = accel_square = motion = 0.0
-    count = 0
+    count = felt = 0
     fx = fy = fz = dx = dy = dz = square = largest = last = since = 0.0
     sxx = sxy = sxz = syy = syz = szz = sx = sy = sz = qx = qy = qz = qq = 0.0
     for k in range(rows):
@@ -367,11 +369,13 @@ def gather(memory: Floats, rows: int, up: Vector, learned: Learned, room: Room) 
         memory[at + 10], memory[at + 11], memory[at + 12] = ux * span, uy * span, uz * span
         rate_x, rate_y, rate_z = rate_x + gx, rate_y + gy, rate_z + gz
         rate_square += gx * gx + gy * gy + gz * gz
-        accel_x, accel_y, accel_z = accel_x + ax, accel_y + ay, accel_z + az
-        accel_square += ax * ax + ay * ay + az * az
-        level_x = turn[0] * ax + turn[1] * ay + turn[2] * az - up[0]
-        level_y = turn[3] * ax + turn[4] * ay + turn[5] * az - up[1]
-        motion += level_x * level_x + level_y * level_y
+        if ax == ax:
+            felt += 1
+            accel_x, accel_y, accel_z = accel_x + ax, accel_y + ay, accel_z + az
+            accel_square += ax * ax + ay * ay + az * az
+            level_x = turn[0] * ax + turn[1] * ay + turn[2] * az - up[0]
+            level_y = turn[3] * ax + turn[4] * ay + turn[5] * az - up[1]
+            motion += level_x * level_x + level_y * level_y
         if mx == mx:
             count += 1
             wx = rx[0] * ux + rx[1] * uy + rx[2] * uz
@@ -406,14 +410,15 @@ def gather(memory: Floats, rows: int, up: Vector, learned: Learned, room: Room) 
     effects(memory, rows)
     each = 1.0 / rows
     rate_x, rate_y, rate_z = rate_x * each, rate_y * each, rate_z * each
-    accel_x, accel_y, accel_z = accel_x * each, accel_y * each, accel_z * each
-    heard = 1.0 / max(count, 1)
+    heard, of_force = 1.0 / max(count, 1), 1.0 / max(felt, 1)
+    accel_x, accel_y, accel_z = accel_x * of_force, accel_y * of_force, accel_z * of_force
     return Sums(
         time,
         (rate_x, rate_y, rate_z),
         rate_square * each - (rate_x * rate_x + rate_y * rate_y + rate_z * rate_z),
-        accel_square * each - (accel_x * accel_x + accel_y * accel_y + accel_z * accel_z),
-        motion * each,
+        felt,
+        accel_square * of_force - (accel_x * accel_x + accel_y * accel_y + accel_z * accel_z),
+        motion * of_force,
         count,
         (fx * heard, fy * heard, fz * heard),
         (dx * heard, dy * heard, dz * heard),
@@ -528,6 +533,7 @@ def learn(
     rest_windows = 0
     if (
         sums.rate_noise < REST_RATE_NOISE**2
+        and sums.felt > 0
         and sums.accel_noise < REST_ACCEL_NOISE**2
         and max(abs(rate[0]), abs(rate[1]), abs(rate[2])) < REST_RATE
         and is_bias(memory, rate, learned.bias)
@@ -548,19 +554,22 @@ def learn(
     length = math.sqrt(up[0] * up[0] + up[1] * up[1] + up[2] * up[2]) + 1e-12
     motion = 0.5 * sums.motion / GRAVITY**2
     variance = (TILT_VARIANCE + TILT_PER_MOTION * motion) * settling
-    x1 = memory[STATE]
-    memory[ROW] = 1.0
-    for k in range(LEARNED):
-        memory[ROW + 3 + k] = -memory[LAG + k]
-    measure(memory, variance, up[1] / length)
-    x2, y2 = memory[STATE], memory[STATE + 1]
-    memory[ROW], memory[ROW + 1] = 0.0, 1.0
-    for k in range(LEARNED):
-        memory[ROW + 3 + k] = -memory[LAG + LEARNED + k]
-    measure(memory, variance, -up[0] / length)
-    own_x, own_y = x2 - x1, memory[STATE + 1] - y2
+    missed = min(fade * room.missed + window.doubt, (TILT_SHARE * TILT_AT_START) ** 2)
+    own_x = own_y = own_z = 0.0
+    if sums.felt > 0:
+        variance *= window.rows / sums.felt
+        x1 = memory[STATE]
+        memory[ROW] = 1.0
+        for k in range(LEARNED):
+            memory[ROW + 3 + k] = -memory[LAG + k]
+        measure(memory, variance, up[1] / length)
+        x2, y2 = memory[STATE], memory[STATE + 1]
+        memory[ROW], memory[ROW + 1] = 0.0, 1.0
+        for k in range(LEARNED):
+            memory[ROW + 3 + k] = -memory[LAG + LEARNED + k]
+        measure(memory, variance, -up[0] / length)
+        own_x, own_y = x2 - x1, memory[STATE + 1] - y2
 
-    own_z = 0.0
     if sums.heard > 0:
         room, learned, own_z = hear(memory, room, learned, sums, window, settling, chosen)
     else:
@@ -574,7 +583,14 @@ def learn(
         0.0 if window.heading_rate == 0.0 else (z - z0 - own_z + REGAINED * z0) / WINDOW,
     )
     room = Room(
-        elapsed, rest_windows, room.unit, room.iron_known, room.swaps, room.field, room.delay
+        elapsed,
+        rest_windows,
+        room.unit,
+        room.iron_known,
+        room.swaps,
+        room.field,
+        room.delay,
+        missed,
     )
     tilt = 0.5 * (memory[COVARIANCE] + memory[COVARIANCE + DIAGONAL] + x * x + y * y)
     heading = memory[COVARIANCE + 2 * DIAGONAL] + z * z
@@ -590,7 +606,7 @@ def learn(
         learned.heading_rate,
         drift,
         math.sqrt(HEADING_SHARE**2 * heading + HEADING_FLOOR**2 + room.field.rival),
-        math.sqrt(TILT_SHARE**2 * tilt + TILT_FLOOR**2),
+        math.sqrt(TILT_SHARE**2 * tilt + TILT_FLOOR**2 + missed),
         resting,
     )
     return room, learned
@@ -798,5 +814,5 @@ def hear(
     if not UNIT_OFF * unit < field.norm_reference < unit / UNIT_OFF:  # the first was a bad one
         give_unit(memory, field.norm_reference / unit)
         unit = field.norm_reference
-    room = Room(room.elapsed, room.rest_windows, unit, room.iron_known, swaps, field, delays)
+    room = Room(room.elapsed, room.rest_windows, unit, room.iron_known, swaps, field, delays, 0.0)
     return room, told(learned, delay, hard_iron, trust, heading_rate), own

@@ -28,8 +28,8 @@ UP: Vector = (0.0, 0.0, 1.0)
 FASTEST = 350.0  # rad/s, all axes together: the fastest gyroscope, with one axis, does 20 000 °/s
 WEAKEST, STRONGEST = 0.05, 400.0  # m/s²: free fall has no up, and 40 g are no acceleration
 FIRST_HEADING = 3  # that is how `heading_known` begins: it may be given up twice
-ASKED = FIRST_HEADING + 1  # likewise after a gap, for a heading that was known
-DOUBTED = ASKED + 1  # it is known, and a field of another strength was not taken
+ASKED = FIRST_HEADING + 1  # a heading that was known, after a gap: given up once more
+DOUBTED = ASKED + 1  # it is known, but the last field was not taken: the next is believed
 
 
 class Senses(NamedTuple):
@@ -40,7 +40,8 @@ class Senses(NamedTuple):
     mag_age: float = math.inf  # s
     started: bool = False  # tilt is known
     # Above 0 where a magnetometer has told north since the start: `FIRST_HEADING` by one field, 1
-    # by two that agree; each that was given up makes it one less (see `spikes`).
+    # by two that agree; each that was given up makes it one less (see `spikes`). `ASKED` and
+    # `DOUBTED` as well.
     heading_known: int = 0
     turned: bool = False  # the snapshot's own sign is the opposite of the filter's
     sign_corrections: int = 0  # how often that changed: the jumps of a stateless rotor

@@ -37,10 +37,10 @@ FOURFOLD = 4.0  # of the square of a field: twice as strong
 # What is remembered for it, beside the last good rate: the rate before it (rad/s), the time that
 # the last one turned for (s; negative where the mean of both did, in a gap), the last force and the
 # one before (m/s²), the field before the last (earth frame; while a sample after a gap waits, its
-# own, as it was measured), and when one was last taken back (s since the start). Without names,
-# because one is made for each sample.
+# own, as it was measured), and the time since samples last jumped (s; 0 where the last one was the
+# first to). Without names, because one is made for each sample.
 Seen = tuple[Vector, float, Vector, Vector, Vector, float]
-UNSEEN: Seen = (ZERO, 0.0, ZERO, ZERO, ZERO, -SELDOM)
+UNSEEN: Seen = (ZERO, 0.0, ZERO, ZERO, ZERO, SELDOM)
 
 
 def is_far(u: Vector, v: Vector, jump: float) -> bool:
@@ -52,7 +52,7 @@ def is_far(u: Vector, v: Vector, jump: float) -> bool:
 
 
 def jump_of_force(elapsed: float) -> float:
-    """How far (m/s²) a force may be a glitch, so long (s) after a start."""
+    """How far off (m/s²) a force may be a glitch, where means are of so long (s)."""
     return JUMP_AT_START if elapsed < START_LOW_PASSED else JUMP_OF_FORCE
 
 
@@ -73,9 +73,14 @@ def jumps(rate: Vector, last: Vector, accel: Vector, before: Vector, elapsed: fl
     return x * x + y * y + z * z > jump * jump
 
 
-def is_rare(seen: Seen, elapsed: float) -> bool:
-    """Whether nothing was taken back of late, so long (s) after a start."""
-    return abs(elapsed - seen[5]) >= SELDOM
+def is_rare(seen: Seen) -> bool:
+    """Whether of late no sample jumped but the last: else it is no glitch, but a vibration."""
+    return seen[5] == 0.0 or seen[5] >= SELDOM
+
+
+def since_jump(seen: Seen, dt: float) -> float:
+    """The time since samples last jumped (s) where one does, ``dt`` s after the last."""
+    return 0.0 if seen[5] >= SELDOM else dt
 
 
 def cleared(
@@ -170,15 +175,15 @@ def contradicts(rotor: Rotor, seen: Seen, accel: Vector) -> bool:
 
 
 def confirmed(
-    senses: Senses, field: Vector, mag: Vector, rotor: Rotor, dt: float, judged: bool
+    senses: Senses, field: Vector, mag: Vector, rotor: Rotor, dt: float, corrects: bool
 ) -> tuple[Senses, Vector, Vector]:
     """What is known of a heading that one ``field`` (earth frame) told, now that the next came.
 
     It is given up if they contradict, but not three times in a row; and so is the field. The next
-    one, ``mag``, is in the sensor frame, and ``rotor`` (sensor → earth) predicted; if it is not to
-    be ``judged``, it confirms, and if it is along gravity, it does not. After a gap, of which no
-    field is left, one twice or half as strong as the last is not taken, if a heading was known
-    before: then ``mag`` is NaN, and the next is believed.
+    one, ``mag``, is in the sensor frame, and ``rotor`` (sensor → earth) predicted; if no field
+    ``corrects`` heading, it confirms, and if it is along gravity, it does not. After a gap, of
+    which no field is left, one twice or half as strong as the last is not taken, if a heading was
+    known before: then ``mag`` is NaN, and the next is believed.
     """
     (
         rate, last_mag, mag_age, started, heading_known, turned, sign_corrections, gyro_rejected,
@@ -191,15 +196,16 @@ def confirmed(
         return senses, field, mag
     off = is_glitch(found, field, mag_age + dt, dt) or x < AGREEING * math.sqrt(level)
     known = heading_known == 1 or heading_known == ASKED
-    if known and judged and field == ZERO and is_other(mag, last_mag, mag_age):
+    if known and corrects and field == ZERO and is_other(mag, last_mag, mag_age + dt, dt):
         heading_known = DOUBTED if heading_known == 1 else FIRST_HEADING
         mag_rejected += 1
         mag = (math.nan, math.nan, math.nan)
     elif heading_known <= 1 or heading_known == DOUBTED:
         heading_known = min(heading_known, 1)
-    elif judged and off and field == ZERO:
+    elif corrects and off and field == ZERO:  # by the gap, where it was known before
+        mag_rejected += int(heading_known <= FIRST_HEADING)
         heading_known = 0
-    elif judged and off:
+    elif corrects and off:
         heading_known -= FIRST_HEADING + 1
         mag_rejected += 1
         field = ZERO
@@ -270,10 +276,10 @@ def is_glitch(mag: Vector, last: Vector, age: float, dt: float) -> bool:
     return square(minus(mag, last)) > min(square(mag), square(last))
 
 
-def is_other(mag: Vector, last: Vector, age: float) -> bool:
-    """Whether a field is twice or half as strong as a last good one, ``age`` s before it."""
+def is_other(mag: Vector, last: Vector, age: float, dt: float) -> bool:
+    """Whether a field is twice or half as strong as a last good one, ``age`` s old; no if none."""
     strength, usual = square(mag), square(last)
-    return age < SELDOM and max(strength, usual) > FOURFOLD * min(strength, usual)
+    return age - dt < SELDOM and max(strength, usual) > FOURFOLD * min(strength, usual)
 
 
 def likely(before: Vector, last: Vector, after: Vector) -> Vector:

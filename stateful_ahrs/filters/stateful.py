@@ -134,6 +134,7 @@ from .spikes import (
     over_gap,
     put_right,
     shorter,
+    since_jump,
     square,
     variance_doubted,
     way_back,
@@ -148,10 +149,10 @@ DISTURBED = 0.05  # trust of a field three standard deviations off
 # What happened since the slow room last looked back: the time (s), the corrections (rad, earth
 # frame), the rows of the log, the time since the last row, and since the last with a magnetic field
 # (s), the last step (s), the variance of turns that no rate told (rad²), for how long a rate is
-# being held (s; while a sample after a gap waits, -1 less a part of that variance), and at the end
-# of the last gap the time since the start (s). Without names, because one is made for each sample.
+# being held (s; while a sample after a gap waits, -1 less a part of that variance), and the time
+# since the last gap (s). Without names, because one is made for each sample.
 Past = tuple[float, Vector, int, float, float, float, float, float, float]
-NO_PAST: Past = (0.0, ZERO, 0, 0.0, 1.0, 0.0, 0.0, 0.0, -OFTEN)
+NO_PAST: Past = (0.0, ZERO, 0, 0.0, 1.0, 0.0, 0.0, 0.0, OFTEN)
 
 
 class State(NamedTuple):
@@ -258,14 +259,16 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
     turn = from_rate(turn_rate, dt)
     undone = 0.0
     if despike:
-        taken_back_at = seen[5]
+        jumped = seen[5] + dt
         if 0.0 < dt < STAYS:
             second = elapsed == 0.0 == earth[1] and last.started
             if second and contradicts(predict(rotor, turn), seen, accel):
                 # No field is carried by a turn that may be none.
                 last, span = amended(last, False, 0, math.inf, last.accel_rejected + 1), 0.0
             far = span > 0.0 and jumps(rate, last.rate, accel, seen[2], elapsed)
-            if far and is_rare(seen, elapsed):
+            if far and seen[2] != ZERO:  # else there was none to jump from
+                jumped = since_jump(seen, dt)
+            if far and is_rare(seen):
                 time = earth[1] if low_pass else 0.0
                 turn, taken_back, doubt, mean, undone = cleared(
                     rotor, turn, rate, last.rate, seen, accel, mag, earth[0], time, elapsed, dt
@@ -275,17 +278,15 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
                     # The last force turned it, too.
                     rotor, earth, past = at_once(rotor, earth, past)
                 gyro_rejected += taken_back
-                if taken_back > 0 or undone > 0.0:
-                    taken_back_at = elapsed
                 accel_rejected = last.accel_rejected + int(undone > 0.0)
                 last = amended(last, last.started, last.heading_known, last.mag_age, accel_rejected)
                 if learns:
                     lost += doubt
         # What a start takes is in no low-pass, and nothing has turned by it.
         seen = (
-            (last.rate, span, accel, seen[2], earth[2], taken_back_at)
+            (last.rate, span, accel, seen[2], earth[2], jumped)
             if dt > 0.0
-            else (last.rate, 0.0, ZERO, ZERO, ZERO, -SELDOM)
+            else (last.rate, 0.0, ZERO, ZERO, ZERO, SELDOM)
         )
     if lost > 0.0 and alpha < 1.0 and gains.alpha_heading < 1.0:
         mean, time, field = earth
@@ -295,7 +296,7 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
         elapsed = left_of(min(elapsed, AVERAGED), lost)
     if span < 0.0:
         since, applied, rows, row_time, mag_row_time, last_step, doubt, waited, _ = past
-        past = (since, applied, rows, row_time, mag_row_time, last_step, doubt, waited, elapsed)
+        past = (since, applied, rows, row_time, mag_row_time, last_step, doubt, waited, 0.0)
     predicted = predict(rotor, turn)
     if dt != pace[0]:
         pace = paced(gains, dt)
@@ -314,9 +315,9 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
             half = 0.5 * dt
             nudge = (half * x, half * y, half * z)
         if (last.heading_known > 1 or earth[2] == ZERO) and heard(mag):
-            told = despike and sources.use_mag
-            told = told and alpha < 1.0 and gains.alpha_heading < 1.0
-            last, field, mag = confirmed(last, earth[2], mag, predicted, dt, told)
+            follows = despike and sources.use_mag
+            follows = follows and alpha < 1.0 and gains.alpha_heading < 1.0
+            last, field, mag = confirmed(last, earth[2], mag, predicted, dt, follows)
             earth = (earth[0], earth[1], field)
         senses, earth, begins, change = corrected(
             last, earth, gains, learned, rate, gyro_rejected, accel, mag, predicted, nudge,
@@ -363,13 +364,13 @@ def take(
     are those of `step`. Also returns force and field for the log, as the step took them.
     """
     if (dt > GAP or state.past[7] < 0.0) and gains.learns and gains.despike:
-        _, _, _, _, _, last_step, _, waiting, resumed = state.past
+        _, _, _, _, _, last_step, _, waiting, since_gap = state.past
         if waiting == 0.0 and dt > GAP and is_gap(dt, last_step):
             rate, gyro_rejected = held(state.senses, gyro)
             if gyro_rejected == state.senses.gyro_rejected:
                 return wait(state, gains, rate, accel, mag, dt), accel, mag
         if waiting < 0.0 < dt:
-            if state.elapsed < resumed + OFTEN:
+            if since_gap < OFTEN:
                 state, mag = replay(state, gains, gyro, accel, mag, dt)
                 return step(state, gains, gyro, accel, mag, dt), accel, mag
             state, accel, mag, lost = resume(state, gains, gyro, accel, mag, dt)
@@ -382,21 +383,19 @@ def wait(state: State, gains: Gains, rate: Vector, accel: Vector, mag: Vector, d
     """Turn over a gap by the rates (rad/s) at its ends, and keep force and field for what comes."""
     rotor, last, elapsed, _, pace, learned, past, _, _, seen, earth = state
     earlier = seen[0]
-    before = likely(earlier, last.rate, rate)
+    before = likely(earlier, last.rate, rate) if is_rare(seen) else last.rate
     turn = from_rate(true_rate(learned, over_gap(before, rate, dt)), dt)
     gyro_rejected, accel_rejected = last.gyro_rejected, last.accel_rejected
-    taken_back_at = seen[5]
     if is_far(before, last.rate, JUMP_OF_RATE):
         gyro_rejected += 1
         turn = product(way_back(last.rate, seen, minus(before, last.rate)), turn)
     jump = jump_of_force(elapsed)
     far = gains.low_pass and earth[1] > 0.0 and is_far(accel, seen[2], jump)
-    if far and is_rare(seen, elapsed):
+    if far and is_rare(seen):
         mean, undone = put_right(earth[0], earth[1], rotor, turn, seen, accel, jump)
         earth = (mean, earth[1], earth[2])
         if undone > 0.0:
             accel_rejected += 1
-            taken_back_at = elapsed
         if undone > 0.0 and elapsed < START_LOW_PASSED and gains.average_start:
             rotor, earth, past = at_once(rotor, earth, past)
     fresh = heard(mag)
@@ -412,11 +411,11 @@ def wait(state: State, gains: Gains, rate: Vector, accel: Vector, mag: Vector, d
         accel_rejected + int(not usable(accel)),
         last.mag_rejected + int(came(mag) and not fresh),
     )
-    seen = (before, -dt, accel, carried(turn, seen[2]), mag if fresh else ZERO, taken_back_at)
+    seen = (before, -dt, accel, carried(turn, seen[2]), mag if fresh else ZERO, seen[5])
     variance = variance_over_gap(before, rate, dt)
     more = max(0.0, variance_over_gap(earlier, rate, dt) - variance)
-    time, applied, rows, row_time, mag_row_time, step, doubt, _, resumed = past
-    past = (time, applied, rows, row_time, mag_row_time, step, doubt, -1.0 - more, resumed)
+    time, applied, rows, row_time, mag_row_time, step, doubt, _, since_gap = past
+    past = (time, applied, rows, row_time, mag_row_time, step, doubt, -1.0 - more, since_gap)
     learned = less_sure(learned, variance + more)
     rotor = unit(product(rotor, turn))
     return State(rotor, senses, elapsed, rotor, pace, learned, past, 0.0, False, seen, earth)
@@ -432,7 +431,7 @@ def resume(
     known of the attitude.
     """
     rotor, last, elapsed, predicted, pace, learned, past, _, _, seen, earth = state
-    before, span, first, force_before, first_mag, taken_back_at = seen
+    before, span, first, force_before, first_mag, jumped = seen
     since, applied, rows, row_time, mag_row_time, _, doubt, waiting, _ = past
     span = -span
     rate, _ = held(last, gyro)
@@ -440,7 +439,8 @@ def resume(
     mag, mag_rejected = of_both(first_mag, mag, turn, learned.hard_iron)
     accel_rejected = last.accel_rejected
     jump = jump_of_force(elapsed)
-    if usable(first) and usable(force_before) and usable(accel):
+    rare = is_rare(seen)
+    if rare and usable(first) and usable(force_before) and usable(accel):
         second = rotate(turn, accel)
         force = likely(force_before, first, second)
         if is_far(force, first, jump) or is_far(force, second, jump):
@@ -450,7 +450,7 @@ def resume(
         accel_rejected += 1
         accel = carried(turn, first)
 
-    meant = likely(before, last.rate, rate)
+    meant = likely(before, last.rate, rate) if rare else last.rate
     gap = from_rate(true_rate(learned, over_gap(before, last.rate, span)), span)
     anew = from_rate(true_rate(learned, middle(before, meant)), span)
     rotor = product(rotor, product(conjugate(gap), anew))
@@ -494,8 +494,8 @@ def resume(
         accel_rejected,
         last.mag_rejected + mag_rejected,
     )
-    seen = (before, 0.0, first, force_before, field, taken_back_at)
-    past = (since, applied, rows, row_time, mag_row_time, span, doubt + lost, 0.0, elapsed)
+    seen = (before, 0.0, first, force_before, field, jumped + span)
+    past = (since, applied, rows, row_time, mag_row_time, span, doubt + lost, 0.0, 0.0)
     state = State(
         rotor, senses, elapsed, predicted, pace, learned, past, 0.0, False, seen, earth,
     )  # fmt: skip
@@ -511,19 +511,20 @@ def replay(
     the next sample's. Also returns the field `of_both`, for `step`.
     """
     rotor, last, elapsed, _, pace, learned, past, _, _, seen, earth = state
-    before, span, first, force_before, first_mag, taken_back_at = seen
-    time, applied, rows, row_time, mag_row_time, last_step, doubt, waiting, resumed = past
+    before, span, first, force_before, first_mag, jumped = seen
+    time, applied, rows, row_time, mag_row_time, last_step, doubt, waiting, since_gap = past
     span = -span
     rate, _ = held(last, gyro)
     turn = from_rate(true_rate(learned, rate), dt)
     mag, mag_rejected = of_both(first_mag, mag, turn, learned.hard_iron)
+    rare = is_rare(seen)
     force = first
-    if usable(first) and usable(force_before) and usable(accel):
+    if rare and usable(first) and usable(force_before) and usable(accel):
         force = likely(force_before, first, rotate(turn, accel))
     off = is_far(force, first, jump_of_force(elapsed))
 
     # As it was before the gap.
-    meant = likely(before, last.rate, rate)
+    meant = likely(before, last.rate, rate) if rare else last.rate
     senses = Senses(
         before,
         last.mag,
@@ -538,17 +539,17 @@ def replay(
     )
     gap = from_rate(true_rate(learned, over_gap(before, last.rate, span)), span)
     learned = less_sure(learned, 1.0 + waiting - variance_over_gap(before, last.rate, span))
-    past = (time, applied, rows, row_time, mag_row_time, last_step, doubt, 0.0, resumed)
+    past = (time, applied, rows, row_time, mag_row_time, last_step, doubt, 0.0, since_gap)
     rotor = product(rotor, conjugate(gap))
-    seen = (before, 0.0, force_before, force_before, earth[2], taken_back_at)
+    seen = (before, 0.0, force_before, force_before, earth[2], jumped)
     state = State(rotor, senses, elapsed, rotor, pace, learned, past, 0.0, False, seen, earth)
 
     rotor, senses, elapsed, predicted, pace, learned, past, row, _, seen, earth = step(
         state, gains, meant, force, NO_MAG, span
     )
     if row > 0.0:  # the next is one, and for the time of both
-        time, applied, rows, _, mag_row_time, last_step, doubt, waiting, resumed = past
-        past = (time, applied, rows - 1, row, mag_row_time, last_step, doubt, waiting, resumed)
+        time, applied, rows, _, mag_row_time, last_step, doubt, waiting, since_gap = past
+        past = (time, applied, rows - 1, row, mag_row_time, last_step, doubt, waiting, since_gap)
     return State(
         rotor, senses, elapsed, predicted, pace, learned, past, 0.0, False, seen, earth,
     ), mag  # fmt: skip
@@ -573,11 +574,11 @@ def of_both(first: Vector, second: Vector, turn: Rotor, iron: Vector) -> tuple[V
 def at_once(rotor: Rotor, earth: Earth, past: Past) -> tuple[Rotor, Earth, Past]:
     """Turn the rotor so that the mean of forces is up."""
     mean, time, field = earth
-    since, (x, y, z), rows, row_time, mag_row_time, last_step, doubt, waiting, resumed = past
+    since, (x, y, z), rows, row_time, mag_row_time, last_step, doubt, waiting, since_gap = past
     change = uprighted(mean, 1.0)
     _, i, j, k = change
     applied = (x + 2.0 * i, y + 2.0 * j, z + 2.0 * k)
-    past = (since, applied, rows, row_time, mag_row_time, last_step, doubt, waiting, resumed)
+    past = (since, applied, rows, row_time, mag_row_time, last_step, doubt, waiting, since_gap)
     earth = (slightly(change, mean), time, slightly(change, field))
     return product(change, rotor), earth, past
 
@@ -607,10 +608,10 @@ def passed(
 
     Also returns ``row`` and ``due`` of the `State`.
     """
-    time, applied, rows, row_time, mag_row_time, _, doubt, _, resumed = past
+    time, applied, rows, row_time, mag_row_time, _, doubt, _, since_gap = past
     if begins:
-        resumed = -OFTEN if starts else resumed
-        return (0.0, applied, 0, 0.0, 1.0, dt, 0.0, 0.0, resumed), 0.0, True
+        since_gap = OFTEN if starts else since_gap + dt
+        return (0.0, applied, 0, 0.0, 1.0, dt, 0.0, 0.0, since_gap), 0.0, True
     if starts:
         return NO_PAST, 0.0, False
     time, row_time, mag_row_time = time + dt, row_time + dt, mag_row_time + dt
@@ -634,7 +635,7 @@ def passed(
             dt,
             doubt,
             held_for,
-            resumed,
+            since_gap + dt,
         ),
         row,
         rows > 0 and (time >= window - 0.5 * dt or rows == ROWS or doubt > MUCH_LOST),
@@ -654,10 +655,11 @@ def note(memory: Floats, state: State, accel: Vector, mag: Vector) -> None:
     at = LOG + COLUMNS * (rows - 1)
     memory[at], memory[at + 1], memory[at + 2], memory[at + 3] = state.predicted
     memory[at + 4], memory[at + 5], memory[at + 6] = senses.rate
-    force = accel if usable(accel) else carried(state.predicted, state.earth[0])
-    memory[at + 7], memory[at + 8], memory[at + 9] = force
+    memory[at + 7], memory[at + 8], memory[at + 9] = accel
     memory[at + 10], memory[at + 11], memory[at + 12] = mag
     memory[at + 13] = state.row
+    if not usable(accel):
+        memory[at + 7] = math.nan
     if mag_row_time > 0.0:
         memory[at + 10] = math.nan
 
@@ -665,7 +667,7 @@ def note(memory: Floats, state: State, accel: Vector, mag: Vector) -> None:
 def look_back(state: State, room: Room, memory: Floats, gains: Gains) -> tuple[State, Room]:
     """The slow room's turn: after a window, a new start, or the first heading."""
     learned = state.learned
-    _, applied, rows, row_time, mag_row_time, step, doubt, held_for, resumed = state.past
+    _, applied, rows, row_time, mag_row_time, step, doubt, held_for, since_gap = state.past
     if rows > 0:
         pace = state.pace
         if step != pace[0]:
@@ -694,7 +696,7 @@ def look_back(state: State, room: Room, memory: Floats, gains: Gains) -> tuple[S
         first_heading(memory, applied)
     else:
         room, learned = start_anew(memory, room, learned)
-    past = (0.0, ZERO, 0, row_time, mag_row_time, step, 0.0, held_for, resumed)
+    past = (0.0, ZERO, 0, row_time, mag_row_time, step, 0.0, held_for, since_gap)
     state = State(
         state.rotor, state.senses, state.elapsed, state.predicted, state.pace, learned, past, 0.0,
         False, state.seen, state.earth,
@@ -871,6 +873,7 @@ class StatefulFilter(KernelFilter):
     def reset(self) -> None:
         """Forget everything but the counts and what the settings know of the sensors."""
         super().reset()
+        self._was = self._gains = STATEFUL.gains(self._settings)
         self._room, learned = begin(self._memory, self.settings.known)
         self._state = self._before = self._state._replace(learned=learned)
 
@@ -885,9 +888,11 @@ class StatefulFilter(KernelFilter):
     def _changed(self) -> None:
         super()._changed()
         gains, was = self._gains, self._was
-        self._was = gains
+        if was.corrects and not gains.corrects:  # who learns no more keeps what was learned
+            gains = gains._replace(corrects=True)
+        self._was = self._gains = gains
         if gains.despike != was.despike or gains.learns != was.learns:
-            seen = (self._state.senses.rate, 0.0, ZERO, ZERO, ZERO, -SELDOM)
+            seen = (self._state.senses.rate, 0.0, ZERO, ZERO, ZERO, SELDOM)
             self._put(seen=seen, past=(*self._state.past[:7], 0.0, self._state.past[8]))
         if gains.turns and not was.turns:  # of a rotor of length one, with a fresh mean of up
             self._state = self._state._replace(rotor=unit(self._state.rotor))

@@ -125,7 +125,7 @@ class Listener(Node):
 
     def _on_mag(self, msg: MagneticField) -> None:
         self._took(msg)
-        mag, _ = messages.reported(msg.magnetic_field, msg.magnetic_field_covariance)
+        mag = messages.reported(msg.magnetic_field, msg.magnetic_field_covariance)
         self.data.mag.extend(mag)
 
     def _on_temperature(self, msg: Temperature) -> None:

@@ -185,8 +185,8 @@ class Fusion(Node):
         told = own or self._filter.heading_known
         if told != self._covariance_of:
             self._covariance_of = told
-            known = told if own is None else own[1] < math.inf
-            stddev = stddevs(own, bool(known), self._chosen_stddev)
+            known = own[1] < math.inf if own else bool(told)
+            stddev = stddevs(own, known, self._chosen_stddev)
             self._covariance = self._lane.covariance(messages.about_the_vertical(*stddev))
         return self._covariance
 

@@ -32,14 +32,24 @@ class Lane:
 
     def inertial(self, message: Any) -> Inertial | None:
         """Read a sensor_msgs/Imu; None if it is malformed."""
+        if not self._has_time(message):
+            return None
         gyro, accel = messages.rates_and_force(message)
         return messages.nanoseconds(message.header.stamp), gyro, accel, message
 
     def magnetic(self, message: Any) -> Magnetic | None:
         """Read a sensor_msgs/MagneticField; None if it is malformed."""
+        if not self._has_time(message):
+            return None
         stamp = messages.nanoseconds(message.header.stamp)
-        field, _ = messages.reported(message.magnetic_field, message.magnetic_field_covariance)
+        field = messages.reported(message.magnetic_field, message.magnetic_field_covariance)
         return Magnetic(stamp, field)
+
+    def _has_time(self, message: Any) -> bool:
+        """Whether its stamp is one; else it is malformed."""
+        found: bool = message.header.stamp.nanosec < cdr.SECOND
+        self.malformed += not found
+        return found
 
     def oriented(
         self, message: Any, orientation: Rotor, orientation_covariance: Any, gyro: Vector

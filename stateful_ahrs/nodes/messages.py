@@ -49,14 +49,15 @@ def quaternion_message(q: Rotor) -> Quaternion:
 
 def rates_and_force(msg: Imu) -> tuple[Vector, Vector]:
     """Angular velocity and linear acceleration; NaN for what is not reported (REP-145)."""
-    gyro, _ = reported(msg.angular_velocity, msg.angular_velocity_covariance)
-    accel, _ = reported(msg.linear_acceleration, msg.linear_acceleration_covariance)
-    return gyro, accel
+    return (
+        reported(msg.angular_velocity, msg.angular_velocity_covariance),
+        reported(msg.linear_acceleration, msg.linear_acceleration_covariance),
+    )
 
 
-def reported(v: Vector3, covariance: Sequence[float]) -> tuple[Vector, Sequence[float]]:
-    """A vector, NaN if it is not reported (REP-145), and its covariance."""
-    return NONE if covariance[0] == -1.0 else vector(v), covariance
+def reported(v: Vector3, covariance: Sequence[float]) -> Vector:
+    """A vector; NaN if it is not reported (REP-145)."""
+    return NONE if covariance[0] == -1.0 else vector(v)
 
 
 def diagonal(variance: float) -> list[float]:
