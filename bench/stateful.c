@@ -409,7 +409,7 @@ typedef struct {
     double time;
     Vector applied;
     int rows;
-    double row_time, mag_row_time, step, doubt, held_for, since_gap;
+    double row_time, mag_row_time, step, doubt, held_for, gap_before;
 } Past;
 
 typedef struct {
@@ -458,12 +458,12 @@ static inline void passed(State *s, Rotor change, double dt, double lost, double
     if (begins || starts) {
         *past = (Past){.applied = begins ? past->applied : ZERO, .mag_row_time = 1.0,
                        .step = begins ? dt : 0.0,
-                       .since_gap = starts ? OFTEN : past->since_gap + dt};
+                       .gap_before = starts ? OFTEN : past->gap_before + past->time + dt};
         return;
     }
     int fresh = s->senses.mag_age == 0.0;
     past->time += dt, past->row_time += dt, past->mag_row_time += dt, past->step = dt;
-    past->doubt += lost, past->held_for = held_for, past->since_gap += dt;
+    past->doubt += lost, past->held_for = held_for;
     if (past->row_time >= ROW_TIME || (fresh && past->mag_row_time >= ROW_TIME)) {
         past->rows++;
         s->row = past->row_time, past->row_time = 0.0;
@@ -540,7 +540,7 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
         if (lost > MUCH_LOST) s->earth.field = ZERO;
         s->elapsed = left_of(smaller(s->elapsed, AVERAGED), lost);
     }
-    if (span < 0.0) s->past.since_gap = 0.0;
+    if (span < 0.0) s->past.gap_before = -s->past.time;
     Rotor predicted = product(s->rotor, turn);
     if (dt != s->pace.dt) s->pace = paced(gains, dt);
     Pace pace = s->pace;
@@ -670,7 +670,7 @@ static int resume(State *s, Vector gyro, Vector *accel, Vector *mag, double dt)
     senses->rate = meant;
     s->seen = (Seen){before, 0.0, seen.force, seen.force_before, earth->field,
                      seen.jumped + span};
-    past->doubt += lost, past->held_for = 0.0, past->since_gap = 0.0, past->step = span;
+    past->doubt += lost, past->held_for = 0.0, past->gap_before = -past->time, past->step = span;
     s->row = 0.0, s->due = 0;
     return lost > ALL_LOST;
 }
@@ -720,7 +720,7 @@ static inline void take(State *s, Gains gains, Vector gyro, Vector *accel, Vecto
     }
     int lost = 0;
     if (past->held_for < 0.0 && 0.0 < dt) {
-        if (past->since_gap < OFTEN)
+        if (past->gap_before + past->time < OFTEN)
             replay(s, gains, gyro, *accel, mag, dt);
         else
             lost = resume(s, gyro, accel, mag, dt);
@@ -728,7 +728,7 @@ static inline void take(State *s, Gains gains, Vector gyro, Vector *accel, Vecto
     step(s, gains, gyro, *accel, *mag, dt);
     if (lost) {
         *past = (Past){.time = -1.0, .mag_row_time = 1.0, .step = past->step,
-                       .since_gap = past->since_gap};
+                       .gap_before = past->gap_before + past->time};
         s->row = 0.0, s->due = 1;
     }
 }
@@ -757,6 +757,7 @@ static void look_back(State *s, Memory *m, Gains gains)
     } else {
         start_anew(m, &s->room, &s->learned);
     }
+    past->gap_before += larger(past->time, 0.0);
     past->time = 0.0, past->applied = ZERO, past->rows = 0, past->doubt = 0.0;
     s->row = 0.0, s->due = 0;
 }
@@ -772,7 +773,7 @@ void run(long n, double alpha, double alpha_rate, const double *gyro, const doub
                .senses = {.mag = NORTH, .mag_age = INFINITY},
                .predicted = IDENTITY,
                .pace = {.dt = -1.0},
-               .past = {.mag_row_time = 1.0, .since_gap = OFTEN},
+               .past = {.mag_row_time = 1.0, .gap_before = OFTEN},
                .seen = {.jumped = SELDOM},
                .earth = {.up = UP}};
     Memory memory;

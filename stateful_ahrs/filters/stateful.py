@@ -149,8 +149,8 @@ DISTURBED = 0.05  # trust of a field three standard deviations off
 # What happened since the slow room last looked back: the time (s), the corrections (rad, earth
 # frame), the rows of the log, the time since the last row, and since the last with a magnetic field
 # (s), the last step (s), the variance of turns that no rate told (rad²), for how long a rate is
-# being held (s; while a sample after a gap waits, -1 less a part of that variance), and the time
-# since the last gap (s). Without names, because one is made for each sample.
+# being held (s; while a sample after a gap waits, -1 less a part of that variance), and how
+# long before all that the last gap was (s). Without names, because one is made for each sample.
 Past = tuple[float, Vector, int, float, float, float, float, float, float]
 NO_PAST: Past = (0.0, ZERO, 0, 0.0, 1.0, 0.0, 0.0, 0.0, OFTEN)
 
@@ -296,7 +296,7 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
         elapsed = left_of(min(elapsed, AVERAGED), lost)
     if span < 0.0:
         since, applied, rows, row_time, mag_row_time, last_step, doubt, waited, _ = past
-        past = (since, applied, rows, row_time, mag_row_time, last_step, doubt, waited, 0.0)
+        past = (since, applied, rows, row_time, mag_row_time, last_step, doubt, waited, -since)
     predicted = predict(rotor, turn)
     if dt != pace[0]:
         pace = paced(gains, dt)
@@ -364,13 +364,13 @@ def take(
     are those of `step`. Also returns force and field for the log, as the step took them.
     """
     if (dt > GAP or state.past[7] < 0.0) and gains.learns and gains.despike:
-        _, _, _, _, _, last_step, _, waiting, since_gap = state.past
+        since, _, _, _, _, last_step, _, waiting, gap_before = state.past
         if waiting == 0.0 and dt > GAP and is_gap(dt, last_step):
             rate, gyro_rejected = held(state.senses, gyro)
             if gyro_rejected == state.senses.gyro_rejected:
                 return wait(state, gains, rate, accel, mag, dt), accel, mag
         if waiting < 0.0 < dt:
-            if since_gap < OFTEN:
+            if gap_before + since < OFTEN:
                 state, mag = replay(state, gains, gyro, accel, mag, dt)
                 return step(state, gains, gyro, accel, mag, dt), accel, mag
             state, accel, mag, lost = resume(state, gains, gyro, accel, mag, dt)
@@ -414,8 +414,8 @@ def wait(state: State, gains: Gains, rate: Vector, accel: Vector, mag: Vector, d
     seen = (before, -dt, accel, carried(turn, seen[2]), mag if fresh else ZERO, seen[5])
     variance = variance_over_gap(before, rate, dt)
     more = max(0.0, variance_over_gap(earlier, rate, dt) - variance)
-    time, applied, rows, row_time, mag_row_time, step, doubt, _, since_gap = past
-    past = (time, applied, rows, row_time, mag_row_time, step, doubt, -1.0 - more, since_gap)
+    time, applied, rows, row_time, mag_row_time, step, doubt, _, gap_before = past
+    past = (time, applied, rows, row_time, mag_row_time, step, doubt, -1.0 - more, gap_before)
     learned = less_sure(learned, variance + more)
     rotor = unit(product(rotor, turn))
     return State(rotor, senses, elapsed, rotor, pace, learned, past, 0.0, False, seen, earth)
@@ -495,7 +495,7 @@ def resume(
         last.mag_rejected + mag_rejected,
     )
     seen = (before, 0.0, first, force_before, field, jumped + span)
-    past = (since, applied, rows, row_time, mag_row_time, span, doubt + lost, 0.0, 0.0)
+    past = (since, applied, rows, row_time, mag_row_time, span, doubt + lost, 0.0, -since)
     state = State(
         rotor, senses, elapsed, predicted, pace, learned, past, 0.0, False, seen, earth,
     )  # fmt: skip
@@ -512,7 +512,7 @@ def replay(
     """
     rotor, last, elapsed, _, pace, learned, past, _, _, seen, earth = state
     before, span, first, force_before, first_mag, jumped = seen
-    time, applied, rows, row_time, mag_row_time, last_step, doubt, waiting, since_gap = past
+    time, applied, rows, row_time, mag_row_time, last_step, doubt, waiting, gap_before = past
     span = -span
     rate, _ = held(last, gyro)
     turn = from_rate(true_rate(learned, rate), dt)
@@ -539,7 +539,7 @@ def replay(
     )
     gap = from_rate(true_rate(learned, over_gap(before, last.rate, span)), span)
     learned = less_sure(learned, 1.0 + waiting - variance_over_gap(before, last.rate, span))
-    past = (time, applied, rows, row_time, mag_row_time, last_step, doubt, 0.0, since_gap)
+    past = (time, applied, rows, row_time, mag_row_time, last_step, doubt, 0.0, gap_before)
     rotor = product(rotor, conjugate(gap))
     seen = (before, 0.0, force_before, force_before, earth[2], jumped)
     state = State(rotor, senses, elapsed, rotor, pace, learned, past, 0.0, False, seen, earth)
@@ -548,8 +548,8 @@ def replay(
         state, gains, meant, force, NO_MAG, span
     )
     if row > 0.0:  # the next is one, and for the time of both
-        time, applied, rows, _, mag_row_time, last_step, doubt, waiting, since_gap = past
-        past = (time, applied, rows - 1, row, mag_row_time, last_step, doubt, waiting, since_gap)
+        time, applied, rows, _, mag_row_time, last_step, doubt, waiting, gap_before = past
+        past = (time, applied, rows - 1, row, mag_row_time, last_step, doubt, waiting, gap_before)
     return State(
         rotor, senses, elapsed, predicted, pace, learned, past, 0.0, False, seen, earth,
     ), mag  # fmt: skip
@@ -574,11 +574,11 @@ def of_both(first: Vector, second: Vector, turn: Rotor, iron: Vector) -> tuple[V
 def at_once(rotor: Rotor, earth: Earth, past: Past) -> tuple[Rotor, Earth, Past]:
     """Turn the rotor so that the mean of forces is up."""
     mean, time, field = earth
-    since, (x, y, z), rows, row_time, mag_row_time, last_step, doubt, waiting, since_gap = past
+    since, (x, y, z), rows, row_time, mag_row_time, last_step, doubt, waiting, gap_before = past
     change = uprighted(mean, 1.0)
     _, i, j, k = change
     applied = (x + 2.0 * i, y + 2.0 * j, z + 2.0 * k)
-    past = (since, applied, rows, row_time, mag_row_time, last_step, doubt, waiting, since_gap)
+    past = (since, applied, rows, row_time, mag_row_time, last_step, doubt, waiting, gap_before)
     earth = (slightly(change, mean), time, slightly(change, field))
     return product(change, rotor), earth, past
 
@@ -586,7 +586,7 @@ def at_once(rotor: Rotor, earth: Earth, past: Past) -> tuple[Rotor, Earth, Past]
 def forgotten(state: State) -> State:
     """The same, for the slow room to forget the attitude."""
     step = state.past[5]
-    past = (-1.0, ZERO, 0, 0.0, 1.0, step, 0.0, 0.0, state.past[8])
+    past = (-1.0, ZERO, 0, 0.0, 1.0, step, 0.0, 0.0, state.past[8] + state.past[0])
     return State(
         state.rotor, state.senses, state.elapsed, state.predicted, state.pace, state.learned, past,
         0.0, True, state.seen, state.earth,
@@ -608,10 +608,10 @@ def passed(
 
     Also returns ``row`` and ``due`` of the `State`.
     """
-    time, applied, rows, row_time, mag_row_time, _, doubt, _, since_gap = past
+    time, applied, rows, row_time, mag_row_time, _, doubt, _, gap_before = past
     if begins:
-        since_gap = OFTEN if starts else since_gap + dt
-        return (0.0, applied, 0, 0.0, 1.0, dt, 0.0, 0.0, since_gap), 0.0, True
+        gap_before = OFTEN if starts else gap_before + time + dt
+        return (0.0, applied, 0, 0.0, 1.0, dt, 0.0, 0.0, gap_before), 0.0, True
     if starts:
         return NO_PAST, 0.0, False
     time, row_time, mag_row_time = time + dt, row_time + dt, mag_row_time + dt
@@ -635,7 +635,7 @@ def passed(
             dt,
             doubt,
             held_for,
-            since_gap + dt,
+            gap_before,
         ),
         row,
         rows > 0 and (time >= window - 0.5 * dt or rows == ROWS or doubt > MUCH_LOST),
@@ -667,7 +667,7 @@ def note(memory: Floats, state: State, accel: Vector, mag: Vector) -> None:
 def look_back(state: State, room: Room, memory: Floats, gains: Gains) -> tuple[State, Room]:
     """The slow room's turn: after a window, a new start, or the first heading."""
     learned = state.learned
-    _, applied, rows, row_time, mag_row_time, step, doubt, held_for, since_gap = state.past
+    time, applied, rows, row_time, mag_row_time, step, doubt, held_for, gap_before = state.past
     if rows > 0:
         pace = state.pace
         if step != pace[0]:
@@ -696,7 +696,8 @@ def look_back(state: State, room: Room, memory: Floats, gains: Gains) -> tuple[S
         first_heading(memory, applied)
     else:
         room, learned = start_anew(memory, room, learned)
-    past = (0.0, ZERO, 0, row_time, mag_row_time, step, 0.0, held_for, since_gap)
+    gap_before += max(time, 0.0)
+    past = (0.0, ZERO, 0, row_time, mag_row_time, step, 0.0, held_for, gap_before)
     state = State(
         state.rotor, state.senses, state.elapsed, state.predicted, state.pace, learned, past, 0.0,
         False, state.seen, state.earth,
