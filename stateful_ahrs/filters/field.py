@@ -22,8 +22,8 @@ YOUNG = 20.0  # s in which the reference is the mean of all
 # Another field that stays while the sensor turns takes the place of the reference.
 UNTRIED = 2.0  # s of motion in which a reference is hardly binding
 CANDIDATE_SPREAD = 9.0  # (3 σ)²
-NEARLY_FAR = 12.0  # (3.46 σ)²: from here to the next what it says counts less and less
 CANDIDATE_FAR = 16.0  # (4 σ)²
+NEARLY_FAR = 0.75 * CANDIDATE_FAR  # from here to there what it says counts less and less
 CANDIDATE_AGE = 1.0  # s of motion, at least
 OLDEST = 40.0  # s of motion
 TRIED = 4.0  # rad that the reference turned in the sensor frame: from then on it is held
