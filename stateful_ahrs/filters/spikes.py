@@ -3,10 +3,10 @@
 A motion does not turn faster by 4 rad/s for one sample and is back with the next; a glitch on the
 bus does. A rate and a force are taken back with the next sample; a field that differs from the
 last good one by more than itself is not taken, unless it stays. In a vibration each sample jumps,
-and nothing is taken back. In steps above 22 ms a motion may
-turn and turn back: there a rate is taken back only if no motion is as abrupt, or if gravity and
-field say so too, and else doubted. A start is one sample, and a first heading one field: if the
-next contradicts it, that is the start, or the first heading. Beside a gap see `gaps`.
+and no rate or force is taken back. In steps above 22 ms a motion may turn and turn back: there a
+rate is taken back only if no motion is as abrupt, or if gravity and field say so too, and else
+doubted. A start is one sample, and a first heading one field: if the next contradicts it, that is
+the start, or the first heading. Beside a gap see `gaps`.
 
 Not in the paper, and off where a filter is the paper's.
 """
