@@ -189,9 +189,7 @@ def chosen(settings: Settings) -> Chosen:
 
 
 def begin(memory: Floats, known: Known) -> tuple[Room, Learned]:
-    """Forget everything but what an earlier run learned."""
-    for at in range(SIZE):
-        memory[at] = 0.0
+    """What an earlier run learned, in a memory that knows nothing yet."""
     bias = BIAS_AT_START if known.bias == NOTHING.bias else BIAS_IF_KNOWN
     spread = MISALIGNMENT_AT_START
     if known.misalignment != NOTHING.misalignment:

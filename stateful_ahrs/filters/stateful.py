@@ -875,6 +875,7 @@ class StatefulFilter(KernelFilter):
         """Forget everything but the counts and what the settings know of the sensors."""
         super().reset()
         self._was = self._gains = STATEFUL.gains(self._settings)
+        self._memory = memory()
         self._room, learned = begin(self._memory, self.settings.known)
         self._state = self._before = self._state._replace(learned=learned)
 
