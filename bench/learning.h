@@ -242,13 +242,15 @@ static Sums gather(Memory *m, const Window *window, const Learned *learned, doub
         sums.field = total(sums.field, apply(&turn, mag));
         sums.field_rate = total(sums.field_rate, apply(&turn, late));
         sums.field_rate_square += square(late);
-        double turned = since * sqrt(square(late) / (square(mag) + 1e-30));
+        double ratio = square(late) / (square(mag) + 1e-30);
         if (unit == 0.0) unit = sqrt(square(row->mag)) + 1e-30, per_unit = 1.0 / unit;
         mag = times(per_unit, row->mag);
         double size = square(mag);
         sums.largest = larger(sums.largest, size);
-        double of_both = (LEAP_OF_ONE + LEAP_PER_TURN * turned) * 0.5 * (size + last);
-        if (last > 0.0 && fabs(size - last) > of_both) sums.largest = INFINITY;
+        double off = fabs(size - last), of_both = 0.5 * (size + last);
+        if (last > 0.0 && off > LEAP_OF_ONE * of_both
+            && off > (LEAP_OF_ONE + LEAP_PER_TURN * since * sqrt(ratio)) * of_both)
+            sums.largest = INFINITY;
         last = size, since = 0.0;
         sums.xx += mag.x * mag.x, sums.xy += mag.x * mag.y, sums.xz += mag.x * mag.z;
         sums.yy += mag.y * mag.y, sums.yz += mag.y * mag.z, sums.zz += mag.z * mag.z;

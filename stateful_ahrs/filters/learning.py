@@ -396,10 +396,10 @@ def gather(memory: Floats, rows: int, up: Vector, learned: Learned, room: Room) 
             mx, my, mz = mx * per_unit, my * per_unit, mz * per_unit
             mm = mx * mx + my * my + mz * mz
             largest = max(largest, mm)
-            turned = since * math.sqrt(across / (ix * ix + iy * iy + iz * iz + 1e-30))
-            of_both = (LEAP_OF_ONE + LEAP_PER_TURN * turned) * 0.5 * (mm + last)
-            if last > 0.0 and abs(mm - last) > of_both:
-                largest = math.inf
+            if last > 0.0 and abs(mm - last) > LEAP_OF_ONE * 0.5 * (mm + last):
+                turned = since * math.sqrt(across / (ix * ix + iy * iy + iz * iz + 1e-30))
+                if abs(mm - last) > (LEAP_OF_ONE + LEAP_PER_TURN * turned) * 0.5 * (mm + last):
+                    largest = math.inf
             last, since = mm, 0.0
             sxx, sxy, sxz = sxx + mx * mx, sxy + mx * my, sxz + mx * mz
             syy, syz, szz = syy + my * my, syz + my * mz, szz + mz * mz
