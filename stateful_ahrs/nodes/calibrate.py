@@ -65,6 +65,8 @@ class Data:
     mag: array[float] = field(default_factory=lambda: array("d"))  # tesla, three a sample
     temperatures: array[float] = field(default_factory=lambda: array("d"))  # °C
     sensor: str = ""
+    topic: str = ""  # that they come from, if live
+    publishers: int = 0  # of that topic, when it was last asked
 
     @property
     def stamps(self) -> Stamps:
@@ -106,11 +108,7 @@ class Listener(Node):
         else:
             self._in = self._subscribe(Imu, job.imu, self._on_imu)
             self._subscribe(Temperature, job.temperature, self._on_temperature)
-
-    @property
-    def topic(self) -> str:
-        """Where the samples come from."""
-        return str(self._in.topic_name)
+        data.topic = self._in.topic_name
 
     def _subscribe(self, kind: type, topic: str, callback: Any) -> Any:
         try:
@@ -169,20 +167,26 @@ def recorded(job: argparse.Namespace) -> Data:
 
 def listened(job: argparse.Namespace) -> Data:
     """The samples of the live topics, when they are enough or the user ends it."""
-    data = Data()
-    with graph():
+    data = Data(topic=job.mag if job.sensor_kind == "mag" else job.imu)
+    with graph():  # a signal ends the block at any line
         listener = Listener(job, data)
         warn_of_unknown(listener)
         executor, _ = fastest_executor()
         executor.add_node(listener)
         try:
             _await_first(listener, executor)
-            _refuse_calibrated(listener, executor)
-            with View(f"calibrate {job.sensor_kind}", INSTRUCTIONS[job.sensor_kind]) as view:
-                _collect(job, listener, executor, view)
+            if listener.samples:
+                _refuse_calibrated(listener, executor)
+                with View(f"calibrate {job.sensor_kind}", INSTRUCTIONS[job.sensor_kind]) as view:
+                    _collect(job, listener, executor, view)
         finally:
             executor.shutdown()
             listener.destroy_node()
+    if not (data.imu or data.mag):
+        raise CalibrationError(
+            f"no sample on {data.topic} ({counted(data.publishers, 'publisher')}). Start the "
+            "driver, or name the topic (--imu, --mag)."
+        )
     return data
 
 
@@ -193,23 +197,17 @@ def _spin(executor: Executor) -> None:
 
 
 def _await_first(listener: Listener, executor: Executor) -> None:
-    """Wait for a sample; `CalibrationError` if there is none."""
-    end = time.monotonic() + FIRST
-    publishers = 0
-    while not listener.samples:
-        if not rclpy.ok() or time.monotonic() > end:
-            raise CalibrationError(
-                f"no sample on {listener.topic} ({counted(publishers, 'publisher')}). Start the "
-                "driver, or name the topic (--imu, --mag)."
-            )
-        publishers = listener.count_publishers(listener.topic)
+    """Wait for a sample, but not for ever."""
+    data, end = listener.data, time.monotonic() + FIRST
+    while rclpy.ok() and not listener.samples and time.monotonic() < end:
+        data.publishers = listener.count_publishers(data.topic)
         _spin(executor)
 
 
 def _publishers(listener: Listener, executor: Executor, end: float) -> list[str]:
     """Full names of the nodes that publish the topic, as soon as they are known."""
     while rclpy.ok():
-        infos = listener.get_publishers_info_by_topic(listener.topic)
+        infos = listener.get_publishers_info_by_topic(listener.data.topic)
         named = [
             info for info in infos if not info.node_name.startswith("_")
         ]  # _NODE_NAME_UNKNOWN_

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
 import rclpy
-from rclpy.exceptions import ParameterException
+from rclpy.exceptions import NotInitializedException, ParameterException
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
@@ -74,7 +74,7 @@ def graph() -> Iterator[None]:
         yield
     except ParameterException as error:
         raise UsageError(one_line(error)) from None
-    except (RuntimeError, rclpy_implementation.RCLError):
+    except (RuntimeError, NotInitializedException, rclpy_implementation.RCLError):
         if rclpy.ok():  # else something was made or published when ROS had shut down
             raise
     finally:

@@ -19,6 +19,7 @@ pytest.importorskip("scipy", reason="scipy is not installed")
 
 import edge
 import numpy as np
+import rclpy
 from diagnostic_msgs.srv import SelfTest
 from edge import Health, shim
 from graph import Graph, nanoseconds, until
@@ -34,7 +35,8 @@ from stateful_ahrs.mpu9250.burst import AXES
 from stateful_ahrs.mpu9250.calibration import Calibration, Correction
 from stateful_ahrs.mpu9250.calibration_file import load, save
 from stateful_ahrs.mpu9250.world import Errors
-from stateful_ahrs.nodes.calibrate import main
+from stateful_ahrs.nodes import calibrate as program
+from stateful_ahrs.nodes.children import free_domain
 from stateful_ahrs.recordings import write
 
 BAGS = Path(__file__).parents[1] / "bags"
@@ -72,7 +74,7 @@ def here(
     def call(*arguments: object) -> tuple[int, str]:
         monkeypatch.setattr(sys, "argv", ["calibrate", *map(str, arguments)])
         with pytest.raises(SystemExit) as ended:
-            main()
+            program.main()
         return int(ended.value.code or 0), capsys.readouterr().err
 
     return call
@@ -220,6 +222,40 @@ def test_ctrl_c_without_a_driver_says_that_nobody_publishes(graph: Graph, tmp_pa
     until(lambda: graph.node.count_subscribers("/imu/mag") > 0, "calibrate")
     assert calibrating.end(signal.SIGINT) == 1
     assert "no sample on /imu/mag (0 publishers). Start the driver" in calibrating.said
+
+
+@pytest.mark.parametrize(
+    ("where", "step"),
+    [
+        (program, "Listener"),
+        (program, "fastest_executor"),
+        (program.Listener, "count_publishers"),
+        (program, "_spin"),
+    ],
+)
+def test_ctrl_c_amid_the_start_says_the_same(
+    where: object,
+    step: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+    tmp_path: Path,
+):
+    original = getattr(where, step)
+
+    def interrupted(*arguments: object) -> object:
+        rclpy.try_shutdown()  # what Ctrl-C does
+        return original(*arguments)
+
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(free_domain()))
+    monkeypatch.setattr(where, step, interrupted)
+    monkeypatch.setattr("sys.argv", ["calibrate", "mag", "-o", str(tmp_path / "c.yaml")])
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        with pytest.raises(SystemExit, match=r"^1$"):
+            program.main()
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert "imu/mag (0 publishers). Start the driver" in capfd.readouterr().err
 
 
 def test_a_driver_that_corrects_already_is_refused(graph: Graph, tmp_path: Path):
