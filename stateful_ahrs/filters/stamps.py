@@ -106,12 +106,12 @@ class StampGate:
 def steps(stamps: NDArray[np.int64]) -> NDArray[np.float64]:
     """The steps of a whole recording in s: 0 where a filter starts anew, NaN where it skips."""
     if len(stamps) > 1 and stamps[0] > 0:
-        steps = np.diff(stamps)
-        if steps.min() > 0 and steps.max() <= LONGEST_STEP:
-            seconds = np.empty(len(stamps))
-            seconds[0] = 0.0
-            np.multiply(steps, 1e-9, out=seconds[1:])
-            return seconds
+        steps = np.empty(len(stamps))
+        steps[0] = 0.0
+        since = np.subtract(stamps[1:], stamps[:-1], out=steps[1:])
+        if since.min() > 0 and since.max() <= LONGEST_STEP:
+            since *= 1e-9
+            return steps
     gate = StampGate()
     found = [gate.step(stamp) for stamp in stamps.tolist()]
     return np.array([np.nan if step is None else step for step in found], dtype=float)
