@@ -40,7 +40,9 @@ def launched(file: str, **arguments: str) -> LaunchDescription:
 @launch_pytest.fixture
 def tumbling(graph: Graph, tmp_path: Path) -> LaunchDescription:
     config = tmp_path / "driver.yaml"
-    config.write_text("imu_driver: {ros__parameters: {rate: 200.0, sim_motion: tumble}}")
+    config.write_text(
+        "imu_driver: {ros__parameters: {rate: 200.0, sim_motion: tumble, fifo: true}}"
+    )
     return launched("imu.launch.py", driver_config=str(config))
 
 

@@ -7,7 +7,7 @@ from graph import Graph
 
 
 def test_driver_and_fusion_agree_with_the_truth(graph: Graph) -> None:
-    graph.start("imu_driver", rate=200.0, sim_motion="tumble")
+    graph.start("imu_driver", rate=200.0, sim_motion="tumble", fifo=True)  # no sample is lost
     graph.start("fusion")
     scenarios.driver_and_fusion_agree_with_the_truth(graph)
 
