@@ -20,7 +20,7 @@ from rclpy.qos import QoSProfile
 
 from stateful_ahrs.nodes.children import free_domain
 
-TIMEOUT = 20.0  # s; a loaded machine is slow to discover
+TIMEOUT = 60.0  # s; a loaded machine is slow to discover, and seldom a second without a hitch
 
 
 class Graph:

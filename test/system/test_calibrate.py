@@ -198,7 +198,8 @@ def test_ctrl_c_keeps_what_is_there(graph: Graph, tmp_path: Path):
     calibrating = graph.start("calibrate", "gyro", "-o", str(path))
     until(lambda: graph.node.count_subscribers("/imu/data_raw") > 1, "calibrate")
     write(simulated("tumble", 12.0), tmp_path / "bag")  # rests from 7.5 s to 11 s: never enough
-    player = graph.start("bag_player", str(tmp_path / "bag"), "--rate", "2")
+    options = ("--rate", "2", "--wait", "20", "--subscribers", "2")  # calibrate, and the test
+    player = graph.start("bag_player", str(tmp_path / "bag"), *options)
     until(lambda: len(imu) > 1150, "11.5 s of samples")
     assert player.wait(20.0) == 0  # calibrate may be late, if the machine is busy
     assert calibrating.end(signal.SIGINT) == 0, calibrating.said
