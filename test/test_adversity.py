@@ -20,11 +20,12 @@ from stateful_ahrs import filters
 from stateful_ahrs.evaluation.score import prepare
 from stateful_ahrs.filters import Settings
 from stateful_ahrs.filters.samples import Samples
+from stateful_ahrs.filters.senses import ASKED, DOUBTED, FIRST_HEADING, Senses
 from stateful_ahrs.filters.settings import Known
-from stateful_ahrs.filters.spikes import ABRUPT, JUMP_OF_RATE, SHORT
+from stateful_ahrs.filters.spikes import ABRUPT, JUMP_OF_RATE, SHORT, ZERO, confirmed
 from stateful_ahrs.mpu9250.motion import MOTIONS, Motion, Turn, X, Z
 from stateful_ahrs.recordings import load
-from stateful_ahrs.rotor import conjugate, euler, rotate
+from stateful_ahrs.rotor import IDENTITY, conjugate, euler, rotate
 
 PHIDGETS = Path(__file__).parents[2] / "shared/data/bags/phidgets_imu_upside_down.bag"
 RATE = 100  # Hz, of every recording here
@@ -547,6 +548,20 @@ def test_a_first_heading_is_given_up_twice_at_most():
     # Two headings are given up, and what differs from the third by more than itself is no field.
     assert f.report.mag_rejected == 2 + 4
     assert euler(f.rotor)[2] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(("before", "doubted"), [(1, DOUBTED), (ASKED, FIRST_HEADING)])
+def test_a_field_of_another_strength_after_a_gap_is_not_taken_and_the_next_is_believed(
+    before, doubted
+):
+    senses = Senses(mag=NORTH, mag_age=0.3, started=True, heading_known=before)
+    strong = tuple(2.5 * each for each in NORTH)
+    senses, _, taken = confirmed(senses, ZERO, strong, IDENTITY, 0.1, True)
+    assert math.isnan(taken[0])
+    assert (senses.heading_known, senses.mag_rejected) == (doubted, 1)
+    senses, _, taken = confirmed(senses, ZERO, strong, IDENTITY, 0.1, True)
+    assert taken == strong
+    assert (senses.heading_known, senses.mag_rejected) == (1, 1)
 
 
 # What is taken back is counted
