@@ -9,6 +9,7 @@ QUICK       ?=
 BAG         ?=
 CONSTRAINTS ?=
 DATA        ?=
+NODES       := test/system test/launch  # tests of nodes
 
 comma   := ,
 ROS     := $(or $(ROS_DISTRO),pypi)
@@ -26,21 +27,23 @@ NAMES    = $(shell sed -n 's/.*"\([a-z_]*\) = stateful_ahrs\..*/\1/p' setup.py)
 export BAG
 export AMENT_PREFIX_PATH := $(abspath $(VENV))$(addprefix :,$(AMENT_PREFIX_PATH))
 
-.PHONY: setup demo test test-ubuntu lint bench accuracy reproduce clean
+.PHONY: setup demo test test-nodes test-others test-ubuntu lint bench accuracy reproduce clean
 
 setup: $(READY)
 
 demo: $(READY)
 	@$(RUN) -m stateful_ahrs.nodes.demo --duration $(DURATION) $(if $(BAG),--bag "$$BAG")
 
-# Two runs at once: tests of nodes wait most of the time, the others take what they leave of it.
-NODES := test/system test/launch
-
+# Both at once: nodes wait most of their time. What the others say comes when they are through.
 test: $(READY)
-	@nice -n 19 $(RUN) -m pytest $(NODES:%=--ignore=%) > $(VENV)/test.log 2>&1 & others=$$!; \
-	trap 'kill $$others' INT TERM; \
-	$(RUN) -m pytest $(NODES); nodes=$$?; \
-	wait $$others; others=$$?; cat $(VENV)/test.log; exit $$((nodes | others))
+	@$(MAKE) --no-print-directory -j2 test-nodes test-others
+
+test-nodes: $(READY)
+	@$(RUN) -m pytest $(NODES)
+
+test-others: $(READY)
+	@nice -n 19 $(RUN) -m pytest $(NODES:%=--ignore=%) > $(VENV)/test.log 2>&1; \
+	code=$$?; echo; cat $(VENV)/test.log; exit $$code
 
 # The same tests with the libraries that Ubuntu 24.04, Jazzy's platform, ships.
 test-ubuntu:

@@ -269,11 +269,11 @@ def test_a_sample_costs_less_than_a_tenth_of_its_time_at_1_khz() -> None:
     chip = Mpu9250(sim, Settings(1000.0), sleep=clock.sleep)
     costs = []
     for _ in range(10):  # the best of ten, for machines that do other things as well
-        begin = time.perf_counter()
+        begin = time.thread_time()
         for _ in range(200):
             clock.sleep(0.001)
             chip.read()
-        costs.append((time.perf_counter() - begin) / 200)
+        costs.append((time.thread_time() - begin) / 200)
     assert min(costs) < 100e-6
 
 

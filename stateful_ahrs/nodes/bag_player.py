@@ -76,11 +76,15 @@ class Player(Node):
         try:
             return self.create_publisher(_message_type(topic.kind), topic.name, profile)
         except (InvalidTopicNameException, rclpy_implementation.RCLError) as error:
+            if not self.context.ok():  # told to end meanwhile
+                raise
             raise UsageError(one_line(error)) from None
 
     def play(self, rate: float, loop: bool, wait: float, subscribers: int | None) -> None:
         """Play, once or until ROS shuts down, when enough listen or ``wait`` s are over."""
         self._await_subscribers(wait, subscribers)
+        if not rclpy.ok():
+            return
         topics = list(self._outs)
         self.get_logger().info(
             f"playing {counted(sum(self._bag.topics[topic] for topic in topics), 'message')} of "

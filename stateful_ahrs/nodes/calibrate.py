@@ -104,16 +104,18 @@ class Listener(Node):
         self.samples = 0
         self.heard = time.monotonic()  # when the last sample came
         if job.sensor_kind == "mag":
-            self._in = self._subscribe(MagneticField, job.mag, self._on_mag)
+            samples = self._subscribe(MagneticField, job.mag, self._on_mag)
         else:
-            self._in = self._subscribe(Imu, job.imu, self._on_imu)
+            samples = self._subscribe(Imu, job.imu, self._on_imu)
             self._subscribe(Temperature, job.temperature, self._on_temperature)
-        data.topic = self._in.topic_name
+        data.topic = samples.topic_name
 
     def _subscribe(self, kind: type, topic: str, callback: Any) -> Any:
         try:
             return self.create_subscription(kind, topic, callback, qos.SENSOR_SUBSCRIBER)
         except Exception as error:
+            if not self.context.ok():  # told to end meanwhile
+                raise
             raise UsageError(f"{topic!r} is no topic: {one_line(error)}") from None
 
     def _on_imu(self, msg: Imu) -> None:
@@ -168,7 +170,7 @@ def recorded(job: argparse.Namespace) -> Data:
 def listened(job: argparse.Namespace) -> Data:
     """The samples of the live topics, when they are enough or the user ends it."""
     data = Data(topic=job.mag if job.sensor_kind == "mag" else job.imu)
-    with graph():  # a signal ends the block at any line
+    with graph():
         listener = Listener(job, data)
         warn_of_unknown(listener)
         executor, _ = fastest_executor()

@@ -58,7 +58,10 @@ def own_arguments(argv: list[str]) -> list[str]:
 
 @contextmanager
 def graph() -> Iterator[None]:
-    """ROS while the block runs. SIGINT and SIGTERM shut it down: then the block is to end."""
+    """ROS while the block runs. SIGINT and SIGTERM shut it down: then the block is to end.
+
+    What fails in it because ROS has shut down ends it as well, at any line, and is no error.
+    """
     # A KeyboardInterrupt amid rclpy's C++ comes out as another error; rclpy's own handler stays.
     signal.signal(signal.SIGINT, lambda *_: None)
     try:
@@ -75,7 +78,7 @@ def graph() -> Iterator[None]:
     except ParameterException as error:
         raise UsageError(one_line(error)) from None
     except (RuntimeError, NotInitializedException, rclpy_implementation.RCLError):
-        if rclpy.ok():  # else something was made or published when ROS had shut down
+        if rclpy.ok():
             raise
     finally:
         rclpy.try_shutdown()

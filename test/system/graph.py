@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+import pytest
 import rclpy
 from rcl_interfaces.srv import SetParameters
 from rclpy.experimental import EventsExecutor
@@ -145,6 +146,19 @@ class Process:
         except subprocess.TimeoutExpired:
             self._process.kill()
             raise AssertionError(f"{self.name} did not end within {timeout} s") from None
+
+
+def interrupt(patched: pytest.MonkeyPatch, where: Any, step: str) -> None:
+    """Have Ctrl-C pressed as a program that runs in the test comes to a ``step`` of its own."""
+    original = getattr(where, step)
+
+    def interrupted(*arguments: Any) -> Any:
+        rclpy.try_shutdown()  # what Ctrl-C does
+        return original(*arguments)
+
+    patched.setattr(where, step, interrupted)
+    patched.setattr(signal, "signal", lambda *_: None)  # Ctrl-C stays the test's own
+    patched.setenv("ROS_DOMAIN_ID", str(free_domain()))
 
 
 def until(condition: Callable[[], object], what: str, timeout: float = TIMEOUT) -> None:

@@ -13,7 +13,7 @@ import pytest
 pytest.importorskip("rosbags", reason="bags need rosbags: pip install 'stateful_ahrs[bags]'")
 
 from geometry_msgs.msg import QuaternionStamped
-from graph import Graph, nanoseconds, until
+from graph import Graph, interrupt, nanoseconds, until
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -118,6 +118,17 @@ def test_a_type_that_is_not_installed_is_named_and_the_rest_is_played(graph: Gra
     until(lambda: heard == [Time(sec=1, nanosec=2)], "the time")
     assert player.said.count("/wind (sail_msgs/msg/Wind)") == 1
     assert "its 3 messages left out: its type is not installed here." in player.said
+
+
+@pytest.mark.parametrize("step", ["_advertise", "_await_subscribers"])
+def test_ctrl_c_amid_the_start_plays_nothing_and_is_no_error(
+    step: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+):
+    interrupt(monkeypatch, bag_player.Player, step)
+    monkeypatch.setattr("sys.argv", ["bag_player", str(SHORT)])
+    with pytest.raises(SystemExit, match=r"^0$"):
+        bag_player.main()
+    assert capfd.readouterr().err == ""
 
 
 @pytest.mark.parametrize(
