@@ -166,7 +166,7 @@ def test_after_it_north_is_found_again_at_once_and_iron_within_seconds(times):
     samples.mag[9011:] = clean[9011:]
     f = filters.make("stateful")
     iron = []
-    errors = errors_deg(live(samples, f, lambda: iron.append(f.known.hard_iron)), truth)
+    errors = errors_deg(live(samples, f, lambda: iron.append(f.report.hard_iron)), truth)
     assert errors[6000:].max() < 3.0
     wrong = np.linalg.norm(iron, axis=1) / MICRO
     assert wrong.max() < 10.0  # of 45 µT: the window of the change has both fields in it
@@ -203,7 +203,7 @@ def test_a_new_start_in_another_field_unlearns_no_iron():
     found = []
     for rows in (slice(6000), slice(6000, None)):  # each with a step of 0
         part = Samples(*(each[rows] for each in vars(samples).values()))
-        live(part, f, lambda: found.append(f.known.hard_iron))
+        live(part, f, lambda: found.append(f.report.hard_iron))
     wrong = np.linalg.norm(np.array(found) - iron, axis=1) / MICRO
     assert wrong[5999] < 1.0
     assert wrong[6000:].max() < 1.3

@@ -158,6 +158,18 @@ def test_a_third_of_the_samples_loses_at_most_5_percent(trials):
     assert third[1] < 1.05 * whole[1]
 
 
+def test_what_another_trial_taught_costs_nothing(trials):
+    known, found, alone = Settings().known, [], []
+    for trial in trials:
+        f = filters.make("stateful")
+        f.run(trial.samples)
+        before, known = known, f.known
+        found.append(score(trial, "stateful", Settings(known=before)).rmse.total)
+        alone.append(score(trial, "stateful", Settings()).rmse.total)
+    assert np.mean(found[1:]) < 1.01 * np.mean(alone[1:])
+    assert (np.array(found) < 1.5 * np.array(alone)).all()
+
+
 def test_true_errors_lie_within_the_deviations_told(trials):
     tilts, headings, widths = [], [], []
     for trial in map(thinned, trials[::3]):
@@ -308,6 +320,32 @@ def test_what_is_known_starts_the_next_run():
     errors = errors_deg(again.run(early), truth[:500])
     assert rms(errors) < 0.5 * rms(errors_deg(first.run(early), truth[:500]))
     assert again.report.mag_delay_s == pytest.approx(0.012, abs=0.002)
+
+
+@pytest.mark.parametrize("mag_every", [1, 10_000], ids=["nine axes", "six axes"])
+def test_a_bias_that_is_known_and_no_longer_true_is_learned_anew_at_rest(mag_every):
+    samples, truth = recording(60.0, motion=MOTIONS["rest"], mag_every=mag_every)
+    f = filters.make("stateful", Settings(known=Known(bias=(0.0, 0.0, 1.5 * DEGREE))))
+    errors = errors_deg(f.run(samples), truth)
+    assert errors.max() < (5.0 if mag_every == 1 else 8.0)
+    assert abs(f.report.learned_bias_rad_s[2]) < 0.02 * DEGREE
+    assert f.report.resting
+
+
+def test_of_misalignment_and_iron_what_a_motion_or_a_room_may_be_is_not_the_sensors():
+    skew = np.array([[0.02, 0.01, 0.0], [0.0, -0.02, 0.01], [0.01, 0.0, 0.02]])
+    samples, _ = recording(90.0, misalignment=skew, iron=(10 * MICRO, -8 * MICRO, 6 * MICRO))
+    f = filters.make("stateful")
+    f.run(samples)
+    found = np.array(f.report.misalignment)
+    assert np.linalg.norm(found - skew) < 0.5 * np.linalg.norm(skew)
+    assert np.linalg.norm(found - f.known.misalignment) < 0.2 * np.linalg.norm(found)
+    assert np.array(f.known.hard_iron) == pytest.approx(np.array((10, -8, 6)) * MICRO, rel=0.1)
+    samples, _ = recording(90.0, misalignment=0.1 * skew, iron=(MICRO, -MICRO, MICRO))
+    f.run(samples)
+    assert np.linalg.norm(f.report.misalignment) > 0.002
+    assert f.known.misalignment == ((0.0, 0.0, 0.0),) * 3
+    assert f.known.hard_iron == (0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("name", ["learn_bias", "learn_misalignment", "learn_mag"])

@@ -21,7 +21,7 @@ from typing import NamedTuple, Protocol
 
 from ..rotor import Rotor, Vector
 from .field import UNSEEN, Field, compared
-from .settings import NOTHING, Known, Settings
+from .settings import Known, Settings
 
 WINDOW = 0.5  # s
 ROWS = 64  # of the log; it takes one row in ROW_TIME
@@ -42,8 +42,7 @@ TILT_AT_START = 30.0 * DEGREE
 HEADING_AT_START = 90.0 * DEGREE
 BIAS_AT_START = 0.5 * DEGREE  # rad/s
 MISALIGNMENT_AT_START = 0.005
-BIAS_IF_KNOWN = 0.1 * DEGREE  # rad/s, of an earlier run
-MISALIGNMENT_IF_KNOWN = 0.002
+MISALIGNMENT_SEEN = 0.01  # less than this may be of the motion in which it was learned
 DELAY_IF_KNOWN = 10.0  # rad²/s s: the turning that it took
 # What it tells of its errors.
 HEADING_SHARE, TILT_SHARE = 0.5, 0.7  # of what it takes for them
@@ -189,14 +188,14 @@ def chosen(settings: Settings) -> Chosen:
 
 
 def begin(memory: Floats, known: Known) -> tuple[Room, Learned]:
-    """What an earlier run learned, in a memory that knows nothing yet."""
-    bias = BIAS_AT_START if known.bias == NOTHING.bias else BIAS_IF_KNOWN
-    spread = MISALIGNMENT_AT_START
-    if known.misalignment != NOTHING.misalignment:
-        spread = MISALIGNMENT_IF_KNOWN
+    """What an earlier run learned, in a memory that knows nothing yet.
+
+    It is where to begin, and no surer than a guess: a bias is another one from day to day.
+    """
     forget_attitude(memory)
     for at in range(3, STATES):
-        memory[COVARIANCE + DIAGONAL * at] = (bias if at % PER_AXIS == 3 else spread) ** 2
+        spread = BIAS_AT_START if at % PER_AXIS == 3 else MISALIGNMENT_AT_START
+        memory[COVARIANCE + DIAGONAL * at] = spread**2
     (a, b, c), (d, e, f), (g, h, i) = known.misalignment
     delay = Delay()
     if known.mag_delay != 0.0:
@@ -690,8 +689,13 @@ def hard_iron_of(
         memory[SOLVED + 6 * i] += 1.0 / IRON_AT_START**2 if i < 3 else 1e-6
     x, y, z = solve(memory)
     size = x * x + y * y + z * z
-    kept = sums.unit * max(0.0, 1.0 - IRON_SEEN**2 / (size + 1e-12))
+    kept = sums.unit * lasting(size, IRON_SEEN)
     return (known[0] + kept * x, known[1] + kept * y, known[2] + kept * z)
+
+
+def lasting(square: float, seen: float) -> float:
+    """The share of what was found that is the sensor's, if ``seen`` may be its surroundings'."""
+    return max(0.0, 1.0 - seen**2 / (square + 1e-12))
 
 
 def free_norm(memory: Floats, variance: float) -> None:

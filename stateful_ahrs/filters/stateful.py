@@ -80,8 +80,10 @@ from .gaps import (
 from .kernel import NO_MAG, Kernel, KernelFilter, Report
 from .learning import (
     COLUMNS,
+    IRON_SEEN,
     LOG,
     LOW_PASS,
+    MISALIGNMENT_SEEN,
     ROW_TIME,
     ROWS,
     SIZE,
@@ -94,6 +96,7 @@ from .learning import (
     begin,
     first_heading,
     hear,
+    lasting,
     learn,
     less_sure,
     measure,
@@ -953,17 +956,24 @@ class StatefulFilter(KernelFilter):
 
     @property
     def known(self) -> Known | None:
-        """See `KernelFilter`."""
+        """See `KernelFilter`; of misalignment and hard iron only what outlasts their place."""
         if not self._gains.learns:
             return None
-        learned = self._state.learned
-        (a, b, c), (d, e, f), (g, h, i) = learned.row_x, learned.row_y, learned.row_z
-        return Known(
-            learned.bias,
-            ((a - 1.0, b, c), (d, e - 1.0, f), (g, h, i - 1.0)),
-            learned.delay,
-            learned.hard_iron,
-        )
+        learned, unit = self._state.learned, self._room.unit
+        rows, (x, y, z) = self._misalignment, learned.hard_iron
+        if self._settings.learn_misalignment:
+            share = lasting(sum(square(row) for row in rows), MISALIGNMENT_SEEN)
+            first, second, third = ((share * a, share * b, share * c) for a, b, c in rows)
+            rows = first, second, third
+        if self._settings.learn_mag and unit > 0.0:
+            share = lasting(square((x, y, z)) / unit**2, IRON_SEEN)
+            x, y, z = share * x, share * y, share * z
+        return Known(learned.bias, rows, learned.delay, (x, y, z))
+
+    @property
+    def _misalignment(self) -> tuple[Vector, Vector, Vector]:
+        (a, b, c), (d, e, f), (g, h, i) = self._state.learned[1:4]
+        return (a - 1.0, b, c), (d, e - 1.0, f), (g, h, i - 1.0)
 
     @property
     def report(self) -> Report:
@@ -973,17 +983,17 @@ class StatefulFilter(KernelFilter):
             report = replace(report, heading_from_mag=False)
         if not self._gains.learns:
             return report
-        learned, known = self._state.learned, self.known
-        assert self.stddev is not None and known is not None
+        learned = self._state.learned
+        assert self.stddev is not None
         tilt, heading = self.stddev
         values = {each.name: getattr(report, each.name) for each in fields(report)}
         values["heading_from_mag"] = report.heading_from_mag and learned.trust > DISTURBED
         return LearnedReport(
             **values,
-            learned_bias_rad_s=known.bias,
-            misalignment=known.misalignment,
-            mag_delay_s=known.mag_delay,
-            hard_iron=known.hard_iron,
+            learned_bias_rad_s=learned.bias,
+            misalignment=self._misalignment,
+            mag_delay_s=learned.delay,
+            hard_iron=learned.hard_iron,
             mag_trust=learned.trust,
             field_changes=self._room.swaps,
             resting=learned.resting,
