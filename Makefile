@@ -105,9 +105,12 @@ endif
 
 $(READY): $(CREATED) setup.py Makefile $(CONSTRAINTS)
 	@$(RUN) -m pip install -qq --disable-pip-version-check -e '.[$(EXTRAS)]' $(CONSTRAINTS:%=-c %)
-	@mkdir -p $(VENV)/lib/stateful_ahrs $(SHARE)/stateful_ahrs $(INDEX)
+	@rm -rf $(SHARE)/stateful_ahrs  # real folders: `ros2 launch` looks into no linked one
+	@mkdir -p $(VENV)/lib/stateful_ahrs $(SHARE)/stateful_ahrs/launch $(SHARE)/stateful_ahrs/config $(INDEX)
 	@ln -sf $(NAMES:%=../../bin/%) $(VENV)/lib/stateful_ahrs
-	@ln -sfn '$(CURDIR)/package.xml' '$(CURDIR)/launch' '$(CURDIR)/config' $(SHARE)/stateful_ahrs
+	@ln -sf '$(CURDIR)/package.xml' $(SHARE)/stateful_ahrs
+	@ln -sf '$(CURDIR)'/launch/* $(SHARE)/stateful_ahrs/launch
+	@ln -sf '$(CURDIR)'/config/* $(SHARE)/stateful_ahrs/config
 	@ln -sf '$(CURDIR)/resource/stateful_ahrs' $(INDEX)
 	@touch $@
 

@@ -194,7 +194,13 @@ def test_a_file_may_begin_with_what_a_filter_learned(tmp_path: Path):
 
 @pytest.mark.parametrize(
     ("key", "value"),
-    [("bias", (100.0, 0.0, 0.0)), ("mag_delay", 99.0), ("hard_iron", (0.0, float("nan"), 0.0))],
+    [
+        ("bias", (0.0, 0.0, -0.6)),
+        ("misalignment", ((0.0, 0.11, 0.0),) * 3),
+        ("mag_delay", 0.2),
+        ("hard_iron", (0.0, 2e-3, 0.0)),
+        ("hard_iron", (0.0, float("nan"), 0.0)),
+    ],
 )
 def test_what_no_sensor_can_be_is_neither_saved_nor_loaded(tmp_path: Path, key, value):
     path = tmp_path / "imu.yaml"

@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import os
 import re
 import runpy
 import subprocess
@@ -159,3 +160,14 @@ def test_the_parameter_file_for_fusion_repeats_its_defaults():
         name: value.replace("true", "True").replace("false", "False").strip('"')
         for name, value in given.items()
     }.items() <= defaults.items()
+
+
+def test_ros2_launch_finds_every_launch_file():
+    """It walks the share of the package, and follows no link to a folder."""
+    prefixes = map(Path, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep))
+    shares = [prefix / "share/stateful_ahrs" for prefix in prefixes]
+    share = next(filter(Path.is_dir, shares), None)
+    if share is None:
+        pytest.skip("the package is in no prefix of ROS's: make setup, or colcon build, makes one")
+    found = {name for _, _, names in os.walk(share) for name in names}
+    assert {path.name for path in ROOT.glob("launch/*.py")} <= found

@@ -43,7 +43,7 @@ HEADER = """\
 #   angular rate   = (1 + misalignment) (given - bias)
 #   magnetic field = given - hard_iron, magnetometer_delay seconds ago
 """
-LARGEST = {"bias": 1.0, "misalignment": 0.2, "mag_delay": 0.5, "hard_iron": 1e-2}  # learned, SI
+LARGEST = {"bias": 0.5, "misalignment": 0.1, "mag_delay": 0.1, "hard_iron": 1e-3}  # learned, SI
 LEARNED = {
     "bias": "bias",
     "misalignment": "misalignment",

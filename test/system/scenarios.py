@@ -87,9 +87,10 @@ def a_bag_is_followed_to_its_end(graph: Graph, play: Callable[[], object]) -> No
     Every sample is answered, within 2° after the first second, and two turns are counted.
     """
     orientations = graph.hear(Imu, "imu/data")
-    truth = graph.hear(QuaternionStamped, "ground_truth")
     angles = graph.hear(Float64, "imu/angle")
-    graph.until_published("imu/data")
+    diagnostics = graph.hear(DiagnosticArray, "/diagnostics")
+    until(lambda: status(diagnostics, "fusion")[1], "fusion, which then hears and is heard")
+    truth = graph.hear(QuaternionStamped, "ground_truth")  # for which the player waits
     play()
     until(lambda: len(orientations) == 950, "an orientation for each sample")
     errors = errors_deg(orientations, truth, NWU)
