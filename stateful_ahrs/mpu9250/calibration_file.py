@@ -259,7 +259,8 @@ def _short(value: object) -> str:
 
 
 def _plain(value: float | tuple[Any, ...]) -> object:
-    return [_plain(part) for part in value] if isinstance(value, tuple) else float(value)
+    # + 0.0: of −0.0 nobody would know what it means
+    return [_plain(part) for part in value] if isinstance(value, tuple) else float(value) + 0.0
 
 
 def merged(path: Path | str, sensor: str, **corrections: Correction) -> Calibration:
