@@ -348,17 +348,30 @@ def test_of_misalignment_and_iron_what_a_motion_or_a_room_may_be_is_not_the_sens
     assert f.known.hard_iron == (0.0, 0.0, 0.0)
 
 
+def test_what_was_known_does_not_fade_where_nothing_is_learned_of_it():
+    known = Known((0.0, 0.0, 0.0), ((0.02, 0.0, 0.0),) * 3, 0.01, (5 * MICRO, 0.0, 0.0))
+    samples, _ = recording(10.0, motion=MOTIONS["rest"], iron=known.hard_iron)
+    for _ in range(3):
+        f = filters.make("stateful", Settings(known=known))
+        f.run(samples)
+        known = f.known
+    assert np.array(known.misalignment)[:, 0] == pytest.approx([0.02] * 3, abs=1e-4)
+    assert known.hard_iron == pytest.approx((5 * MICRO, 0.0, 0.0), abs=0.05 * MICRO)
+    assert known.mag_delay == pytest.approx(0.01, abs=1e-3)
+
+
 @pytest.mark.parametrize("name", ["learn_bias", "learn_misalignment", "learn_mag"])
 def test_what_is_not_learned_stays_as_it_was_known(name):
     known = Known((0.01, 0.0, 0.0), ((0.001, 0.0, 0.0),) * 3, 0.01, (MICRO, 0.0, 0.0))
     samples, _ = recording(20.0)
     f = filters.make("stateful", Settings(known=known, **{name: False}))
     f.run(samples)
+    found = f.report
     kept = {
-        "learn_bias": f.known.bias == known.bias,
-        "learn_misalignment": np.array(f.known.misalignment)
+        "learn_bias": found.learned_bias_rad_s == known.bias,
+        "learn_misalignment": np.array(found.misalignment)
         == pytest.approx(np.array(known.misalignment), abs=1e-12),
-        "learn_mag": (f.known.mag_delay, f.known.hard_iron) == (known.mag_delay, known.hard_iron),
+        "learn_mag": (found.mag_delay_s, found.hard_iron) == (known.mag_delay, known.hard_iron),
     }
     assert [part for part, same in kept.items() if same] == [name]
 

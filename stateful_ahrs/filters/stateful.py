@@ -956,19 +956,21 @@ class StatefulFilter(KernelFilter):
 
     @property
     def known(self) -> Known | None:
-        """See `KernelFilter`; of misalignment and hard iron only what outlasts their place."""
+        """See `KernelFilter`; of news on misalignment and hard iron only what is the sensor's."""
         if not self._gains.learns:
             return None
-        learned, unit = self._state.learned, self._room.unit
-        rows, (x, y, z) = self._misalignment, learned.hard_iron
-        if self._settings.learn_misalignment:
-            share = lasting(sum(square(row) for row in rows), MISALIGNMENT_SEEN)
-            first, second, third = ((share * a, share * b, share * c) for a, b, c in rows)
-            rows = first, second, third
-        if self._settings.learn_mag and unit > 0.0:
-            share = lasting(square((x, y, z)) / unit**2, IRON_SEEN)
-            x, y, z = share * x, share * y, share * z
-        return Known(learned.bias, rows, learned.delay, (x, y, z))
+        learned, before = self._state.learned, self._settings.known
+        rows = tuple(map(minus, self._misalignment, before.misalignment))
+        share = lasting(sum(map(square, rows)), MISALIGNMENT_SEEN)
+        x, y, z = (
+            total(was, (share * a, share * b, share * c))
+            for was, (a, b, c) in zip(before.misalignment, rows, strict=True)
+        )
+        iron = minus(learned.hard_iron, before.hard_iron)
+        share = lasting(square(iron) / (self._room.unit**2 + 1e-30), IRON_SEEN)
+        a, b, c = iron
+        iron = total(before.hard_iron, (share * a, share * b, share * c))
+        return Known(learned.bias, (x, y, z), learned.delay, iron)
 
     @property
     def _misalignment(self) -> tuple[Vector, Vector, Vector]:
