@@ -190,7 +190,7 @@ def chosen(settings: Settings) -> Chosen:
 def begin(memory: Floats, known: Known) -> tuple[Room, Learned]:
     """What an earlier run learned, in a memory that knows nothing yet.
 
-    It is where to begin, and no surer than a guess: a bias is another one from day to day.
+    Of the gyroscope it is where to begin, and no surer than nothing: a bias changes with the day.
     """
     forget_attitude(memory)
     for at in range(3, STATES):
