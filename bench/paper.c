@@ -9,6 +9,7 @@ void run(long n, double alpha, double alpha_rate, const double *gyro, const doub
 {
     Rotor state = IDENTITY;
     Vector field = NORTH;
+    const Gains chosen = gains(alpha, alpha_rate);
     double mag_age = INFINITY, paced = -1.0, pace = alpha;
     int started = 0, heading_known = 0;
     for (long i = 0; i < n; i++, gyro += 3, accel += 3, mag += 3, rotors += 4) {
@@ -36,7 +37,7 @@ void run(long n, double alpha, double alpha_rate, const double *gyro, const doub
         if (begins && found) {
             now = snapshot;
         } else if (found) {
-            if (alpha_rate > 0.0 && dt != paced) paced = dt, pace = pow(alpha, dt * alpha_rate);
+            if (dt != paced) pace = paced_weight(chosen, paced, pace, dt), paced = dt;
             double rest = 1.0 - pace;
             now = (Rotor){pace * predicted.w + rest * snapshot.w,
                           pace * predicted.x + rest * snapshot.x,

@@ -7,13 +7,11 @@
 static const double START_LOW_PASSED = 2.0, AVERAGED = 4.0; /* LOW_PASS and twice that, s */
 static const double NEWER = 3.0;
 
-typedef struct { double alpha, alpha_rate; } Gains;
 typedef struct { double dt, weight, tilt_rate; } Pace;
 
-static Pace paced(Gains gains, double dt)
+static Pace paced(Gains gains, Pace last, double dt)
 {
-    double weight = gains.alpha;
-    if (gains.alpha_rate > 0.0) weight = pow(gains.alpha, dt * gains.alpha_rate);
+    double weight = paced_weight(gains, last.dt, last.weight, dt);
     return (Pace){dt, weight, dt > 0.0 ? (1.0 - weight) / dt : 0.0};
 }
 
@@ -542,7 +540,7 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
     }
     if (span < 0.0) s->past.gap_before = -s->past.time;
     Rotor predicted = product(s->rotor, turn);
-    if (dt != s->pace.dt) s->pace = paced(gains, dt);
+    if (dt != s->pace.dt) s->pace = paced(gains, s->pace, dt);
     Pace pace = s->pace;
     int starts = dt <= 0.0 || !senses->started, begins = 0;
     if (s->elapsed < AVERAGED + undone && !starts)
@@ -745,7 +743,7 @@ static void look_back(State *s, Memory *m, Gains gains)
 {
     Past *past = &s->past;
     if (past->rows > 0) {
-        if (past->step != s->pace.dt) s->pace = paced(gains, past->step);
+        if (past->step != s->pace.dt) s->pace = paced(gains, s->pace, past->step);
         int starting = s->elapsed < START_LOW_PASSED;
         Window window = {past->rows, s->earth.up, past->applied, s->pace.tilt_rate, starting,
                          past->doubt};
@@ -768,7 +766,7 @@ State state; /* after the last run: the filter keeps its own for who asks, too *
 void run(long n, double alpha, double alpha_rate, const double *gyro, const double *accel,
          const double *mag, const double *steps, double *rotors)
 {
-    const Gains gains = {alpha, alpha_rate};
+    const Gains chosen = gains(alpha, alpha_rate);
     State s = {.rotor = IDENTITY,
                .senses = {.mag = NORTH, .mag_age = INFINITY},
                .predicted = IDENTITY,
@@ -779,11 +777,11 @@ void run(long n, double alpha, double alpha_rate, const double *gyro, const doub
     Memory memory;
     begin(&memory, &s.room, &s.learned);
     for (long i = 0; i < n; i++, gyro += 3, accel += 3, mag += 3, rotors += 4) {
-        if (s.due) look_back(&s, &memory, gains);
+        if (s.due) look_back(&s, &memory, chosen);
         if (steps[i] == steps[i]) {
             Vector g = {gyro[0], gyro[1], gyro[2]}, a = {accel[0], accel[1], accel[2]};
             Vector m = {mag[0], mag[1], mag[2]};
-            take(&s, gains, g, &a, &m, steps[i]);
+            take(&s, chosen, g, &a, &m, steps[i]);
             if (s.row > 0.0) note(&memory, &s, a, m);
         }
         Rotor q = s.rotor;

@@ -16,6 +16,7 @@ from test_dcm import felt
 from stateful_ahrs import filters, rotor
 from stateful_ahrs.errors import UsageError
 from stateful_ahrs.filters import Settings
+from stateful_ahrs.filters.gains import NO_PACE, gains, paced
 from stateful_ahrs.filters.samples import Samples
 from stateful_ahrs.filters.settings import Known
 from stateful_ahrs.filters.stateful import StatefulFilter
@@ -204,6 +205,19 @@ def test_alpha_means_the_same_at_every_rate(rate):
     last = filters.make("stateful", settings).run(samples)[rate]
     left = 0.2 * settings.alpha**100
     assert difference(tuple(last), IDENTITY) == pytest.approx(left, rel=0.02)
+
+
+@pytest.mark.parametrize("jitter", [1e-7, 1e-4, 3e-3, 9e-3])
+@pytest.mark.parametrize(
+    ("alpha", "rate"), [(0.9967, 100), (0.9, 100), (0, 100), (1, 100), (0.9, 0)]
+)
+def test_alpha_is_the_power_it_is_said_to_be_however_stamps_jitter(alpha, rate, jitter):
+    taken = gains(Settings(alpha=alpha, alpha_rate=rate))
+    pace = NO_PACE
+    for dt in np.random.default_rng(1).uniform(0.01 - jitter, 0.01 + jitter, 20_000).tolist():
+        pace = paced(taken, pace, dt)
+        expected = alpha ** (dt * rate) if rate else alpha
+        assert pace[1] == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize("alpha_heading", [0.999, 0.98])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from .learning import LOW_PASS, Chosen, Learned, chosen
@@ -12,6 +13,7 @@ START = 1.0  # s: the mean of all snapshots
 START_LOW_PASSED = LOW_PASS  # s: until the low-pass is full, its up is taken whole
 AVERAGED = 2.0 * LOW_PASS  # s: until then a slow α is that of a mean
 NEWER = 3.0  # at the start: the mean north of all samples, the newer the more
+ALIKE = 3e-3  # of the weight's logarithm: from step to step a series is then as good as the power
 
 
 class Gains(NamedTuple):
@@ -21,6 +23,7 @@ class Gains(NamedTuple):
     alpha: float
     alpha_rate: float
     alpha_heading: float
+    decay: float  # the logarithm of the gyroscope path's weight after 1 s
     stateful: bool
     normalise: bool
     average_start: bool
@@ -32,8 +35,8 @@ class Gains(NamedTuple):
     chosen: Chosen
 
 
-# What α makes of a step, as long as steps are alike, because a power costs more than the rest: the
-# step (s), the weight left to the gyroscope path in it, the rate at which the rest is taken (1/s).
+# What α makes of a step: the step (s), the weight left to the gyroscope path in it, the rate at
+# which the rest is taken (1/s).
 Pace = tuple[float, float, float]
 NO_PACE: Pace = (-1.0, 0.0, 0.0)
 
@@ -49,6 +52,7 @@ def gains(settings: Settings) -> Gains:
         float(settings.alpha),
         float(settings.alpha_rate),
         float(settings.alpha_heading),
+        settings.alpha_rate * math.log(settings.alpha) if settings.alpha > 0.0 else 0.0,
         settings.stateful,
         settings.normalise,
         settings.average_start,
@@ -74,9 +78,17 @@ def weight_of_gyro(alpha: float, alpha_rate: float, span: float) -> float:
     return weight
 
 
-def paced(gains: Gains, dt: float) -> Pace:
-    """What α makes of a step of ``dt`` s."""
-    weight = weight_of_gyro(gains.alpha, gains.alpha_rate, dt)
+def paced(gains: Gains, last: Pace, dt: float) -> Pace:
+    """What α makes of a step of ``dt`` s, after ``last``.
+
+    Stamps jitter, and a power for each step would be a quarter of the paper's filter.
+    """
+    step, weight, _ = last
+    x = gains.decay * (dt - step)
+    if step > 0.0 and abs(x) < ALIKE:
+        weight *= 1.0 + x * (1.0 + x * (1.0 / 2.0 + x * (1.0 / 6.0 + x * (1.0 / 24.0))))
+    else:
+        weight = weight_of_gyro(gains.alpha, gains.alpha_rate, dt)
     return dt, weight, (1.0 - weight) / dt if dt > 0.0 else 0.0
 
 

@@ -245,7 +245,7 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
     """
     rotor, last, elapsed, _, pace, learned, past, _, _, seen, earth = state
     (
-        sources, alpha, _, _, stateful, normalise, average_start, despike, low_pass, corrects,
+        sources, alpha, _, _, _, stateful, normalise, average_start, despike, low_pass, corrects,
         learns, turns, _,
     ) = gains  # fmt: skip
     rate, gyro_rejected = held(last, gyro)
@@ -302,7 +302,7 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
         past = (since, applied, rows, row_time, mag_row_time, last_step, doubt, waited, -since)
     predicted = predict(rotor, turn)
     if dt != pace[0]:
-        pace = paced(gains, dt)
+        pace = paced(gains, pace, dt)
     _, weight, tilt_rate = pace
     starts = dt <= 0.0 or not last.started
     if average_start and elapsed < AVERAGED + undone and not starts:
@@ -674,7 +674,7 @@ def look_back(state: State, room: Room, memory: Floats, gains: Gains) -> tuple[S
     if rows > 0:
         pace = state.pace
         if step != pace[0]:
-            pace = paced(gains, step)
+            pace = paced(gains, pace, step)
         _, _, tilt_rate = pace
         heading_rate = -1.0
         if gains.alpha_heading >= 0.0:
@@ -915,9 +915,7 @@ class StatefulFilter(KernelFilter):
         self._state = self._state._replace(**parts)
         self._before = self._before._replace(**parts)
 
-    @property
-    def rotor(self) -> Rotor:
-        """See `KernelFilter`."""
+    def _unit_rotor(self) -> Rotor:
         return self._state.rotor if self._unit else unit(self._state.rotor)
 
     def run(self, samples: Samples) -> Array:

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -52,6 +53,33 @@ def test_a_node_runs_on_the_plain_executor_where_there_is_no_other(monkeypatch):
     assert len(never._callbacks) < 10  # nothing grows with what was called
     assert isinstance(executor, SingleThreadedExecutor)
     assert "this rclpy has no EventsExecutor" in reason
+
+
+def test_a_message_comes_to_its_callback_without_a_call_of_python():
+    heard, modules = [], set()
+
+    def watch(frame, event, _):
+        if event == "call":
+            modules.add(Path(frame.f_code.co_filename).name)
+
+    def take(message):
+        heard.append(message)
+        if len(heard) == 1:
+            sys.setprofile(watch)
+        else:
+            sys.setprofile(None)
+            rclpy.shutdown()
+
+    with life.graph():
+        node = Node("listener")
+        node.create_subscription(Imu, "imu/data", take, 10, raw=True)
+        publisher = node.create_publisher(Imu, "imu/data", 10)
+        node.create_timer(0.01, lambda: publisher.publish(Imu()))
+        life.spin(node)
+        node.destroy_node()
+    assert isinstance(heard[0], bytes)
+    assert "publisher.py" in modules
+    assert modules.isdisjoint({"enum.py", "types.py", "subscription.py"})
 
 
 def test_a_topic_is_wanted_while_someone_listens(graph):
