@@ -10,7 +10,7 @@ void run(long n, double alpha, double alpha_rate, const double *gyro, const doub
     Rotor state = IDENTITY;
     Vector field = NORTH;
     const Gains chosen = gains(alpha, alpha_rate);
-    double mag_age = INFINITY, paced = -1.0, pace = alpha;
+    double mag_age = INFINITY, paced = -INFINITY, pace = alpha;
     int started = 0, heading_known = 0;
     for (long i = 0; i < n; i++, gyro += 3, accel += 3, mag += 3, rotors += 4) {
         double dt = steps[i];

@@ -129,18 +129,18 @@ static inline int dcm(Vector a, Vector m, Rotor *q)
     return 1;
 }
 
-/* gains.py: settings, and the weight of the gyroscope path in a step after one of ``last`` s. */
+/* gains.py: settings, and the weight of the gyroscope path in a step after one of `last` s. */
 typedef struct { double alpha, alpha_rate, decay; } Gains;
 
 static Gains gains(double alpha, double alpha_rate)
 {
-    return (Gains){alpha, alpha_rate, alpha > 0.0 ? alpha_rate * log(alpha) : 0.0};
+    return (Gains){alpha, alpha_rate, alpha > 0.0 ? alpha_rate * log(alpha) : -INFINITY};
 }
 
 static inline double paced_weight(Gains gains, double last, double weight, double dt)
 {
     double x = gains.decay * (dt - last);
-    if (last > 0.0 && fabs(x) < 3e-3)
+    if (fabs(x) < 3e-3)
         return weight * (1.0 + x * (1.0 + x * (1.0 / 2.0 + x * (1.0 / 6.0 + x * (1.0 / 24.0)))));
     return gains.alpha_rate > 0.0 ? pow(gains.alpha, dt * gains.alpha_rate) : gains.alpha;
 }

@@ -7,12 +7,11 @@
 static const double START_LOW_PASSED = 2.0, AVERAGED = 4.0; /* LOW_PASS and twice that, s */
 static const double NEWER = 3.0;
 
-typedef struct { double dt, weight, tilt_rate; } Pace;
+typedef struct { double dt, weight; } Pace;
 
 static Pace paced(Gains gains, Pace last, double dt)
 {
-    double weight = paced_weight(gains, last.dt, last.weight, dt);
-    return (Pace){dt, weight, dt > 0.0 ? (1.0 - weight) / dt : 0.0};
+    return (Pace){dt, paced_weight(gains, last.dt, last.weight, dt)};
 }
 
 static inline double at_start(double weight, double elapsed, double dt)
@@ -21,12 +20,12 @@ static inline double at_start(double weight, double elapsed, double dt)
     return elapsed + dt < AVERAGED ? smaller(weight, elapsed / (elapsed + dt)) : weight;
 }
 
-static inline double part_of_heading(const Learned *learned, double tilt_rate, double elapsed,
+static inline double part_of_heading(const Learned *learned, Pace pace, double elapsed,
                                      double span)
 {
     if (elapsed < START_LOW_PASSED)
         return smaller(1.0, learned->trust * NEWER * span / elapsed);
-    return smaller(1.0, span * smaller(learned->heading_rate, tilt_rate));
+    return smaller(1.0, span * smaller(learned->heading_rate, (1.0 - pace.weight) / pace.dt));
 }
 
 /* spikes.py */
@@ -283,8 +282,8 @@ static inline Rotor turned_north(Rotor change, double north, double west, double
 /* Take a sample after the start; returns the turn of `predicted`, and whether heading is told anew,
    by the first field or after a start that was far off. */
 static inline Rotor corrected(Senses *senses, Earth *earth, const Learned *learned, Vector accel,
-                              Vector mag, Rotor predicted, Vector nudge, Pace pace, double elapsed,
-                              int *anew)
+                              Vector mag, Rotor predicted, Vector nudge, Pace pace, double weight,
+                              double elapsed, int *anew)
 {
     double dt = pace.dt;
     if (usable(accel)) {
@@ -295,10 +294,10 @@ static inline Rotor corrected(Senses *senses, Earth *earth, const Learned *learn
     } else {
         senses->accel_rejected++;
     }
-    Rotor change = uprighted(earth->up, 1.0 - pace.weight);
+    Rotor change = uprighted(earth->up, 1.0 - weight);
 
     senses->mag_age += dt;
-    int fresh = heard(mag), moved = pace.weight < MUCH;
+    int fresh = heard(mag), moved = weight < MUCH;
     if (fresh) {
         Vector found = rotate(predicted, mag), field = found;
         if (moved) /* then level is where up is now, not where it was predicted */
@@ -314,7 +313,7 @@ static inline Rotor corrected(Senses *senses, Earth *earth, const Learned *learn
                 change = turned_north(IDENTITY, north, west, 1.0);
             } else {
                 double span = larger(dt, smaller(senses->mag_age, MAG_TIMEOUT));
-                double part = part_of_heading(learned, pace.tilt_rate, elapsed, span);
+                double part = part_of_heading(learned, pace, elapsed, span);
                 moved |= part > 1.0 - MUCH;
                 *anew = elapsed < START_LOW_PASSED && part > 0.5 && north < FAR_OFF;
                 change = turned_north(change, north, west, part);
@@ -541,17 +540,17 @@ static inline void step(State *s, Gains gains, Vector gyro, Vector accel, Vector
     if (span < 0.0) s->past.gap_before = -s->past.time;
     Rotor predicted = product(s->rotor, turn);
     if (dt != s->pace.dt) s->pace = paced(gains, s->pace, dt);
-    Pace pace = s->pace;
+    double weight = s->pace.weight;
     int starts = dt <= 0.0 || !senses->started, begins = 0;
     if (s->elapsed < AVERAGED + undone && !starts)
-        pace.weight = at_start(pace.weight, s->elapsed - undone, dt);
+        weight = at_start(weight, s->elapsed - undone, dt);
     s->elapsed += dt;
     if (!starts) {
         if (s->past.time < WINDOW) nudge = times(0.5 * dt, learned->drift);
         if ((senses->heading_known > 1 || square(s->earth.field) == 0.0) && heard(mag))
             mag = confirm(senses, &s->earth, mag, predicted, dt);
-        change = corrected(senses, &s->earth, learned, accel, mag, predicted, nudge, pace,
-                           s->elapsed, &begins);
+        change = corrected(senses, &s->earth, learned, accel, mag, predicted, nudge, s->pace,
+                           weight, s->elapsed, &begins);
         rotor = product(change, predicted);
     } else if (look(senses, turn, accel, mag, predicted, dt, &rotor)) {
         begins = 1, s->elapsed = 0.0;
@@ -743,10 +742,10 @@ static void look_back(State *s, Memory *m, Gains gains)
 {
     Past *past = &s->past;
     if (past->rows > 0) {
-        if (past->step != s->pace.dt) s->pace = paced(gains, s->pace, past->step);
+        double kept = paced(gains, s->pace, past->step).weight;
+        double tilt_rate = past->step > 0.0 ? (1.0 - kept) / past->step : 0.0;
         int starting = s->elapsed < START_LOW_PASSED;
-        Window window = {past->rows, s->earth.up, past->applied, s->pace.tilt_rate, starting,
-                         past->doubt};
+        Window window = {past->rows, s->earth.up, past->applied, tilt_rate, starting, past->doubt};
         learn(m, &s->room, &s->learned, &window);
     } else if (past->time < 0.0) {
         attitude_lost(m, &s->room, &s->learned);
@@ -770,7 +769,7 @@ void run(long n, double alpha, double alpha_rate, const double *gyro, const doub
     State s = {.rotor = IDENTITY,
                .senses = {.mag = NORTH, .mag_age = INFINITY},
                .predicted = IDENTITY,
-               .pace = {.dt = -1.0},
+               .pace = {.dt = -INFINITY},
                .past = {.mag_row_time = 1.0, .gap_before = OFTEN},
                .seen = {.jumped = SELDOM},
                .earth = {.up = UP}};

@@ -16,12 +16,15 @@ AIMS: list[tuple[str, Any, float, bool]] = [
         10_000,
         True,
     ),
-    ("`paper`, of VQF's time", lambda f: _filter(f, "paper")["of_vqf"], 0.15, False),
-    (
-        "the default filter, of VQF's time",
-        lambda f: _filter(f, f["fusion_filter"])["of_vqf"],
-        0.25,
-        False,
+    ("`paper` at 200 Hz, of VQF's time", lambda f: _filter(f, "paper")["of_vqf"], 0.15, False),
+    *(
+        (
+            f"the default filter at {rate} Hz, of VQF's time",
+            lambda f, rate=rate: f["batch"]["by_rate"][rate][f["fusion_filter"]]["of_vqf"],
+            0.25,
+            False,
+        )
+        for rate in ("200", "100")
     ),
     ("`paper`, of its time in C", lambda f: _filter(f, "paper").get("of_c"), 1.3, False),
     ("`stateful`, of its time in C", lambda f: _filter(f, "stateful").get("of_c"), 1.3, False),
@@ -82,17 +85,30 @@ def markdown(found: dict[str, Any]) -> str:
             ),
             "### Filters over a recording\n\n"
             + _table(
-                ("filter", "ns a sample", "of VQF's", "of C's"),
+                ("filter", "ns a sample", "of VQF's", "of C's", "medians: ns", "of VQF's"),
                 (
-                    (name, row["ns"], row["of_vqf"], row.get("of_c", ""))
+                    (name, row["ns"], row["of_vqf"], row.get("of_c", ""), *_medians(row))
                     for name, row in sorted(
                         found["batch"]["filters"].items(), key=lambda item: item[1]["ns"]
                     )
                 ),
             ),
+            "### By the rate of all three sensors\n\n"
+            + _table(
+                ("Hz", "filter", "ns a sample", "of VQF's", "medians: ns", "of VQF's"),
+                (
+                    (rate, name, row["ns"], row["of_vqf"], *_medians(row))
+                    for rate, rows in found["batch"]["by_rate"].items()
+                    for name, row in rows.items()
+                ),
+            ),
             *found["batch"]["remarks"],
         )
     )
+
+
+def _medians(row: dict[str, float]) -> tuple[float, float]:
+    return row["median_ns"], row["median_of_vqf"]
 
 
 def _aims(found: dict[str, Any]) -> Iterable[tuple[object, ...]]:

@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 
 from ..rotor import IDENTITY, Rotor, Vector, rotate, slightly
-from .gains import START_LOW_PASSED, Gains, part_of_heading
+from .gains import START_LOW_PASSED, Gains, Pace, part_of_heading
 from .learning import LEVEL, LOW_PASS, Learned
 from .senses import DOUBTED, FIRST_HEADING, UP, WEAKEST, Senses, heard, usable
 from .spikes import STAYS, ZERO, is_glitch
@@ -50,14 +50,14 @@ def corrected(
     mag: Vector,
     predicted: Rotor,
     nudge: Vector,
-    tilt_rate: float,
+    pace: Pace,
     weight: float,
     elapsed: float,
     dt: float,
 ) -> tuple[Senses, Earth, bool, Rotor]:
     """Take a sample after the start: what the blend makes of ``predicted``, a unit rotor.
 
-    ``weight`` is α in this step, ``tilt_rate`` the same in time (1/s), ``nudge`` half of a small
+    ``weight`` is α in this step, that of ``pace`` but in a start, ``nudge`` half of a small
     turn (rad) besides, and ``elapsed`` the time since the start. Returns
 
     - what is remembered from now on, of the samples and in the earth frame;
@@ -112,7 +112,7 @@ def corrected(
                 length = math.sqrt(level)
                 if heading_known > 0:
                     span = max(dt, min(mag_age, gains.sources.mag_timeout))
-                    part = part_of_heading(gains, learned, tilt_rate, elapsed, span)
+                    part = part_of_heading(gains, learned, pace, elapsed, span)
                     moved = moved or part > 1.0 - MUCH
                     anew = elapsed < START_LOW_PASSED and part > 0.5 and x < FAR_OFF * length
                     change = turned_north(change, x / length, y / length, part)

@@ -23,7 +23,7 @@ class Gains(NamedTuple):
     alpha: float
     alpha_rate: float
     alpha_heading: float
-    decay: float  # the logarithm of the gyroscope path's weight after 1 s
+    decay: float  # logarithm of the gyroscope path's weight after 1 s; -inf if that is 0 at once
     stateful: bool
     normalise: bool
     average_start: bool
@@ -35,10 +35,10 @@ class Gains(NamedTuple):
     chosen: Chosen
 
 
-# What α makes of a step: the step (s), the weight left to the gyroscope path in it, the rate at
-# which the rest is taken (1/s).
-Pace = tuple[float, float, float]
-NO_PACE: Pace = (-1.0, 0.0, 0.0)
+# What α makes of a step: the step (s), and the weight left to the gyroscope path in it. After the
+# first no step is like it.
+Pace = tuple[float, float]
+NO_PACE: Pace = (-math.inf, 0.0)
 
 
 def gains(settings: Settings) -> Gains:
@@ -52,7 +52,7 @@ def gains(settings: Settings) -> Gains:
         float(settings.alpha),
         float(settings.alpha_rate),
         float(settings.alpha_heading),
-        settings.alpha_rate * math.log(settings.alpha) if settings.alpha > 0.0 else 0.0,
+        settings.alpha_rate * math.log(settings.alpha) if settings.alpha > 0.0 else -math.inf,
         settings.stateful,
         settings.normalise,
         settings.average_start,
@@ -83,13 +83,11 @@ def paced(gains: Gains, last: Pace, dt: float) -> Pace:
 
     Stamps jitter, and a power for each step would be a quarter of the paper's filter.
     """
-    step, weight, _ = last
+    step, weight = last
     x = gains.decay * (dt - step)
-    if step > 0.0 and abs(x) < ALIKE:
-        weight *= 1.0 + x * (1.0 + x * (1.0 / 2.0 + x * (1.0 / 6.0 + x * (1.0 / 24.0))))
-    else:
-        weight = weight_of_gyro(gains.alpha, gains.alpha_rate, dt)
-    return dt, weight, (1.0 - weight) / dt if dt > 0.0 else 0.0
+    if abs(x) < ALIKE:
+        return dt, weight * (1.0 + x * (1.0 + x * (1 / 2 + x * (1 / 6 + x * (1 / 24)))))
+    return dt, weight_of_gyro(gains.alpha, gains.alpha_rate, dt)
 
 
 def at_start(gains: Gains, weight: float, elapsed: float, dt: float) -> float:
@@ -102,11 +100,11 @@ def at_start(gains: Gains, weight: float, elapsed: float, dt: float) -> float:
 
 
 def part_of_heading(
-    gains: Gains, learned: Learned, tilt_rate: float, elapsed: float, span: float
+    gains: Gains, learned: Learned, pace: Pace, elapsed: float, span: float
 ) -> float:
     """How much of the way to the measured north heading goes, ``span`` s after the last one.
 
-    Left to itself, heading is never corrected faster than tilt is (1/s).
+    Left to itself, heading is never corrected faster than tilt is.
     """
     if gains.low_pass and gains.average_start and elapsed < START_LOW_PASSED:
         return min(1.0, learned.trust * NEWER * span / elapsed)
@@ -116,7 +114,8 @@ def part_of_heading(
         kept = weight_of_gyro(gains.alpha_heading, gains.alpha_rate, span)
         part = learned.trust * (1.0 - kept)
     elif gains.chosen.weigh:
-        part = min(1.0, span * min(learned.heading_rate, tilt_rate))
+        step, kept = pace
+        part = min(1.0, span * min(learned.heading_rate, (1.0 - kept) / step))
     else:
         part = 1.0 - weight_of_gyro(gains.alpha, gains.alpha_rate, span)
     if gains.average_start and not gains.low_pass and elapsed < START:

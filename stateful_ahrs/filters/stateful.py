@@ -303,7 +303,7 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
     predicted = predict(rotor, turn)
     if dt != pace[0]:
         pace = paced(gains, pace, dt)
-    _, weight, tilt_rate = pace
+    weight = pace[1]
     starts = dt <= 0.0 or not last.started
     if average_start and elapsed < AVERAGED + undone and not starts:
         weight = at_start(gains, weight, elapsed - undone, dt)
@@ -324,7 +324,7 @@ def step(state: State, gains: Gains, gyro: Vector, accel: Vector, mag: Vector, d
             earth = (earth[0], earth[1], field)
         senses, earth, begins, change = corrected(
             last, earth, gains, learned, rate, gyro_rejected, accel, mag, predicted, nudge,
-            tilt_rate, weight, elapsed, dt,
+            pace, weight, elapsed, dt,
         )  # fmt: skip
         rotor = product(change, predicted)
     else:
@@ -672,10 +672,8 @@ def look_back(state: State, room: Room, memory: Floats, gains: Gains) -> tuple[S
     learned = state.learned
     time, applied, rows, row_time, mag_row_time, step, doubt, held_for, gap_before = state.past
     if rows > 0:
-        pace = state.pace
-        if step != pace[0]:
-            pace = paced(gains, pace, step)
-        _, _, tilt_rate = pace
+        _, kept = paced(gains, state.pace, step)
+        tilt_rate = (1.0 - kept) / step if step > 0.0 else 0.0
         heading_rate = -1.0
         if gains.alpha_heading >= 0.0:
             kept = weight_of_gyro(gains.alpha_heading, gains.alpha_rate, step)
