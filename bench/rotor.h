@@ -1,4 +1,4 @@
-/* What both filters in C need of rotor.py, snapshot/dcm.py and filters/senses.py. */
+/* What both filters in C need of rotor.py, snapshot/dcm.py, filters/senses.py and gains.py. */
 #include <math.h>
 
 typedef struct { double w, x, y, z; } Rotor;
@@ -129,7 +129,9 @@ static inline int dcm(Vector a, Vector m, Rotor *q)
     return 1;
 }
 
-/* gains.py: settings, and the weight of the gyroscope path in a step after one of `last` s. */
+/* Settings, and the weight of the gyroscope path in a step after one of `last` s. */
+static const double SERIES = 3e-3;
+
 typedef struct { double alpha, alpha_rate, decay; } Gains;
 
 static Gains gains(double alpha, double alpha_rate)
@@ -140,7 +142,7 @@ static Gains gains(double alpha, double alpha_rate)
 static inline double paced_weight(Gains gains, double last, double weight, double dt)
 {
     double x = gains.decay * (dt - last);
-    if (fabs(x) < 3e-3)
+    if (fabs(x) < SERIES)
         return weight * (1.0 + x * (1.0 + x * (1.0 / 2.0 + x * (1.0 / 6.0 + x * (1.0 / 24.0)))));
     return gains.alpha_rate > 0.0 ? pow(gains.alpha, dt * gains.alpha_rate) : gains.alpha;
 }

@@ -743,7 +743,7 @@ static void look_back(State *s, Memory *m, Gains gains)
     Past *past = &s->past;
     if (past->rows > 0) {
         double kept = paced(gains, s->pace, past->step).weight;
-        double tilt_rate = past->step > 0.0 ? (1.0 - kept) / past->step : 0.0;
+        double tilt_rate = (1.0 - kept) / past->step;
         int starting = s->elapsed < START_LOW_PASSED;
         Window window = {past->rows, s->earth.up, past->applied, tilt_rate, starting, past->doubt};
         learn(m, &s->room, &s->learned, &window);

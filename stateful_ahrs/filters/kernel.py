@@ -99,7 +99,7 @@ class KernelFilter:
         self._inputs = (gyro, accel, dt)
         self._take(gyro, accel, self._mag, dt)
         self._mag = NO_MAG
-        return self._unit_rotor()
+        return self.rotor
 
     def amend_mag(self, mag: Vector) -> None:
         """Take the last step again with its magnetometer sample, which came after it."""
@@ -129,9 +129,6 @@ class KernelFilter:
     @property
     def rotor(self) -> Rotor:
         """The present attitude; the identity before the first good accelerometer sample."""
-        return self._unit_rotor()
-
-    def _unit_rotor(self) -> Rotor:
         return unit(self._state.rotor)
 
     @property

@@ -673,11 +673,11 @@ def look_back(state: State, room: Room, memory: Floats, gains: Gains) -> tuple[S
     time, applied, rows, row_time, mag_row_time, step, doubt, held_for, gap_before = state.past
     if rows > 0:
         _, kept = paced(gains, state.pace, step)
-        tilt_rate = (1.0 - kept) / step if step > 0.0 else 0.0
+        tilt_rate = (1.0 - kept) / step
         heading_rate = -1.0
         if gains.alpha_heading >= 0.0:
-            kept = weight_of_gyro(gains.alpha_heading, gains.alpha_rate, step)
-            heading_rate = (1.0 - kept) / step
+            heading_kept = weight_of_gyro(gains.alpha_heading, gains.alpha_rate, step)
+            heading_rate = (1.0 - heading_kept) / step
         elif not gains.chosen.weigh:
             heading_rate = tilt_rate
         starting = gains.average_start and state.elapsed < START_LOW_PASSED
@@ -913,7 +913,9 @@ class StatefulFilter(KernelFilter):
         self._state = self._state._replace(**parts)
         self._before = self._before._replace(**parts)
 
-    def _unit_rotor(self) -> Rotor:
+    @property
+    def rotor(self) -> Rotor:
+        """See `KernelFilter`."""
         return self._state.rotor if self._unit else unit(self._state.rotor)
 
     def run(self, samples: Samples) -> Array:

@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 import rclpy
-from graph import until
+from graph import TIMEOUT, until
 from rclpy import event_handler
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -19,6 +19,7 @@ from scenarios import TURNS
 from sensor_msgs.msg import Imu
 
 from stateful_ahrs.nodes import life, qos
+from stateful_ahrs.nodes.children import free_domain
 
 
 def test_a_node_told_to_end_before_it_was_made_ends_well():
@@ -55,7 +56,8 @@ def test_a_node_runs_on_the_plain_executor_where_there_is_no_other(monkeypatch):
     assert "this rclpy has no EventsExecutor" in reason
 
 
-def test_a_message_comes_to_its_callback_without_a_call_of_python():
+def test_a_message_comes_to_its_callback_past_the_python_of_subscription_and_enum(monkeypatch):
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(free_domain()))
     heard, modules = [], set()
 
     def watch(frame, event, _):
@@ -72,13 +74,17 @@ def test_a_message_comes_to_its_callback_without_a_call_of_python():
 
     with life.graph():
         node = Node("listener")
-        node.create_subscription(Imu, "imu/data", take, 10, raw=True)
+        listener = node.create_subscription(Imu, "imu/data", take, 10, raw=True)
         publisher = node.create_publisher(Imu, "imu/data", 10)
         node.create_timer(0.01, lambda: publisher.publish(Imu()))
-        life.spin(node)
-        node.destroy_node()
+        node.create_timer(TIMEOUT, rclpy.shutdown)
+        try:
+            life.spin(node)
+        finally:
+            sys.setprofile(None)
+        assert node.destroy_subscription(listener)
     assert isinstance(heard[0], bytes)
-    assert "publisher.py" in modules
+    assert "test_life.py" in modules  # or nothing was watched
     assert modules.isdisjoint({"enum.py", "types.py", "subscription.py"})
 
 
