@@ -25,7 +25,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="bench", description=__doc__.split("\n")[0])
     parser.add_argument("--json", type=Path, default=Path("bench.json"), metavar="FILE")
     parser.add_argument("--minutes", type=float, default=10.0, help="of the look at memory")
-    parser.add_argument("--quick", action="store_true", help="five minutes instead of seventeen")
+    parser.add_argument("--quick", action="store_true", help="six minutes instead of nineteen")
     options = parser.parse_args()
     quick = options.quick
     seconds, rounds = (1.5, 3) if quick else (1.5, 5)
