@@ -50,7 +50,7 @@ test-ubuntu:
 	@$(MAKE) test VENV=.venv-ubuntu CONSTRAINTS=test/constraints-ubuntu-24.04.txt \
 	    PYTHONS='python3.12 python3.11 python3.10 python3'
 
-# What everything costs, in nineteen minutes; QUICK=1: in six. On a machine that does nothing else.
+# What everything costs, in nineteen minutes; QUICK=1: in five. On a machine that does nothing else.
 bench: $(PEERS)
 	@$(RUN) -m bench --json bench.json --minutes $(MINUTES) $(if $(QUICK),--quick)
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+from .live import STEPS
+
 # What is aimed at: what, where it stands, the limit, and whether more is better.
 AIMS: list[tuple[str, Any, float, bool]] = [
     ("fusion's CPU at 1 kHz, of the relay's", lambda f: _at(f)["cpu_ratio"], 1.25, False),
@@ -68,17 +70,22 @@ def markdown(found: dict[str, Any]) -> str:
     return "\n\n".join(
         (
             f"{found['machine']['cpu']}, {found['machine']['cores']} cores, Python "
-            f"{found['machine']['python']}; load of the machine during the parts "
-            + ", ".join(f"{part['load']:.1f}" for part in found.values() if "load" in part),
+            f"{found['machine']['python']}{', QUICK' * found['quick']}; "
+            "load of the machine during the parts "
+            + ", ".join(f"{part['load']:.1f}" for part in found.values() if _loaded(part)),
             _table(("aim", "at most", "measured", ""), _aims(found)),
             "### Nodes beside the relay\n\n"
             + _table(
                 ("Hz", "node", "CPU %", "of the relay's", "p50 µs", "p99 µs", "p99.9 µs", "lost"),
                 _rates(found["rates"]),
             ),
-            "Highest rate without loss: "
-            + ", ".join(f"{n} {hz} Hz" for n, hz in found["rates"]["highest_lossless_hz"].items())
+            "Highest rate without loss in one of two tries: "
+            + ", ".join(
+                f"{name} {f'{hz} Hz' if hz else f'below {STEPS[0]} Hz'}"
+                for name, hz in found["rates"]["highest_lossless_hz"].items()
+            )
             + ".",
+            _driver_and_memory(found),
             "### Several IMUs at 200 Hz, a node each\n\n"
             + _table(
                 ("IMUs", "relays' CPU %", "fusions' CPU %", "ratio", "lost"),
@@ -105,6 +112,26 @@ def markdown(found: dict[str, Any]) -> str:
             ),
             *found["batch"]["remarks"],
         )
+    )
+
+
+def _loaded(part: Any) -> bool:
+    return isinstance(part, dict) and "load" in part
+
+
+def _driver_and_memory(found: dict[str, Any]) -> str:
+    driver, memory = found["driver"], found["memory"]
+    return (
+        f"Driver at 1 kHz: {driver['driver_cpu_percent']:.1f} % of a core, the chip alone "
+        f"{driver['chip_cpu_percent']:.1f}; {driver['samples']} steps of 1 ms, "
+        f"{driver['missed']} missed. Memory in MB after the start, warm, and after "
+        f"{memory['fusion']['seconds']:g} s: "
+        + ", ".join(
+            f"{name} {own['start']:.1f}, {own['warm']:.1f}, {own['end']:.1f}"
+            for name, own in memory.items()
+            if name != "load"
+        )
+        + "."
     )
 
 
