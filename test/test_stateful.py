@@ -214,7 +214,8 @@ def test_alpha_means_the_same_at_every_rate(rate):
 def test_alpha_is_the_power_it_is_said_to_be_however_stamps_jitter(alpha, rate, jitter):
     taken = gains(Settings(alpha=alpha, alpha_rate=rate))
     pace = NO_PACE
-    for dt in np.random.default_rng(1).uniform(0.01 - jitter, 0.01 + jitter, 20_000).tolist():
+    steps = np.random.default_rng(1).uniform(0.01 - jitter, 0.01 + jitter, 20_000)
+    for dt in (0.0, *steps.tolist()):  # a start, and what follows it
         pace = paced(taken, pace, dt)
         expected = alpha ** (dt * rate) if rate else alpha
         assert pace[1] == pytest.approx(expected, rel=1e-12)
